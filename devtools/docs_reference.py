@@ -39,10 +39,6 @@ PLACES = {  # (bl_space_type, bl_category or bl_context) -> where a user finds a
 LONG_LIST = 12  # choices; of more, only the names are listed
 BLENDERS = {  # what Blender or an effect declares, by the name or the label in a panel
     "show_object_viewport_volume": ("Eye", "Show volumes live in this viewport."),
-    "location": (
-        "Position",
-        "Where the slice is along its normal, from the middle of the scan, in scene units.",
-    ),
     "hide_viewport": ("Hide in Viewports", "Hide this object in viewports."),
     "hide_render": ("Hide in Renders", "Hide this slice, or this clip object and its cut, in renders."),
     "use_lock_interface": ("Lock Interface", "Lock Blender's window while it renders."),
@@ -52,6 +48,7 @@ BLENDERS = {  # what Blender or an effect declares, by the name or the label in 
         "always (*On*) or never (*Off*).",
     ),
 }
+FILE_OPTIONS_AT = "RLE_SPLAT_OT_import_volume"  # the operator that lists the options of a file for all
 GROUPS = {  # a property group -> how a script reaches it
     "SceneSettings": "scene.rle_splat",
     "VolumeProperties": "object.rle_splat",
@@ -259,7 +256,30 @@ def _property(call: ast.Call, names: dict) -> dict | None:
     return {
         "kind": kind, "name": given.get("name") or "", "description": given.get("description") or "",
         "choices": [item[:3] for item in items] if isinstance(items, (list, tuple)) else [],
+        "default": _default(kind, given), "range": _range(given),
     }  # fmt: skip
+
+
+def _default(kind: str, given: dict) -> str:
+    """What a property is until somebody sets it; "" for a computed or an empty one."""
+    plain = {"bool": False, "int": 0, "float": 0.0}.get(kind.removesuffix("vector"))
+    if kind == "enum" and isinstance(given.get("items"), (list, tuple)):
+        plain = given["items"][0][0]
+    value = given.get("default", plain)
+    if value in (None, "") or None in given or "get" in given:  # None: by ``**``, which gives getter and setter
+        return ""
+    values = value if isinstance(value, (tuple, list)) else [value]
+    return ", ".join(f"`{one:g}`" if isinstance(one, float) else f"`{one}`" for one in values)
+
+
+def _range(given: dict) -> str:
+    """The limits of a number; in parentheses those of its slider, beyond which a number can be typed."""
+    low, high, soft = (given.get(name) for name in ("min", "max", "soft_max"))
+    if low is None and high is None:
+        return ""
+    ends = [f"from {low:g}" if high is None else f"{low:g}"] if low is not None else []
+    text = " to ".join(ends + ([f"{high:g}"] if high is not None else []))
+    return text + (f" (slider to {soft:g})" if soft is not None and soft != high else "")
 
 
 def _declared(node: ast.ClassDef, module: ast.Module, file: str, names: dict) -> Declared:
@@ -327,8 +347,14 @@ def operators() -> str:
     for one in sorted(_of_kind("RLE_SPLAT_OT_"), key=lambda one: _text(one, "bl_idname")):
         tooltip = _text(one, "bl_description") or one.doc
         parts += [f"## {_text(one, 'bl_label')}", f"`bpy.ops.{_text(one, 'bl_idname')}()`. {_sentence(tooltip)}"]
-        rows = [(f"`{name}`", entry["name"], _meaning(entry, True)) for name, entry in _properties(one).items()]
-        parts += [_table(("property", "label", "what it does"), rows)] if rows else []
+        properties = _properties(one)
+        if one.name != FILE_OPTIONS_AT and "SourceOptions" in (part.name for part in _with_bases(one)):
+            properties = {name: entry for name, entry in properties.items()
+                          if name not in blender_classes()["SourceOptions"].properties}  # fmt: skip
+            parts.append("Also how the file is read: `shape` to `modality` of [Import Volume](#import-volume).")
+        rows = [(f"`{name}`", entry["name"], entry["default"], entry["range"], _meaning(entry, True))
+                for name, entry in properties.items()]  # fmt: skip
+        parts += [_table(("property", "label", "default", "range", "what it does"), rows)] if rows else []
     return "\n\n".join(parts)
 
 
@@ -388,10 +414,10 @@ def settings() -> str:
     parts = []
     for group, path in GROUPS.items():
         rows = [
-            (f"`{name}`", entry["name"], entry["kind"], _meaning(entry, True))
+            (f"`{name}`", entry["name"], entry["kind"], entry["default"], entry["range"], _meaning(entry, True))
             for name, entry in _properties(blender_classes()[group]).items()
         ]
-        parts += [f"## `{path}`", _table(("property", "label", "type", "what it is"), rows)]
+        parts += [f"## `{path}`", _table(("property", "label", "type", "default", "range", "what it is"), rows)]
     return "\n\n".join(parts)
 
 

@@ -63,26 +63,11 @@ def make_file(path: Path, seen_as: str | Path, python: list, environ: dict[str, 
     path.parent.mkdir(parents=True, exist_ok=True)
 
     words = seen_as, source_digest().decode(), *[made] * bool(made)
-    said = _run(
-        python, environ, level, words, f"The kernels of {path.name} could not be made; the words above say why."
-    )
+    environ = {**environ, "NUMBA_CPU_NAME": level, "NUMBA_CPU_FEATURES": ""}
+    sentence = f"The kernels of {path.name} could not be made; the words above say why."
+    said = run_quietly([*python, "-m", "devtools.pack_kernels", *words], sentence, cwd=ROOT, env=environ)
     size, seconds = path.stat().st_size / 1e6, time.monotonic() - began
     say(f"{path.relative_to(ROOT)}: {said.strip()} kernels, {size:.1f} MB, {seconds:.0f} s")
-
-
-def _run(python: list, environ: dict[str, str], level: str, words, sentence: str) -> str:
-    """Run devtools.pack_kernels for a level of processors; returns what it printed."""
-    environ = {**environ, "NUMBA_CPU_NAME": level, "NUMBA_CPU_FEATURES": ""}
-    return run_quietly([*python, "-m", "devtools.pack_kernels", *words], sentence, cwd=ROOT, env=environ)
-
-
-def help_compile() -> None:
-    """Compile some of what ``make_kernels``, in another thread, has not come to yet.
-
-    Two processes that begin at once would both compile what all pictures need.
-    """
-    environ, level = _compiling(), LEVELS[this_platform()]
-    _run([core_of(CORE.version).python], environ, level, (), "No kernels could be compiled; the words above say why.")
 
 
 def _compiling() -> dict[str, str]:

@@ -2,10 +2,8 @@
 
     python -m devtools.pack_kernels FILE COMMENT       compile, and pack
     python -m devtools.pack_kernels FILE COMMENT MADE  pack those of MADE, of another Python, for this one
-    python -m devtools.pack_kernels                    compile from the last picture to the first, and pack nothing
 
-NUMBA_CPU_NAME names the processor that the kernels are for.  The number of kernels is printed.  A process that compiles
-backward helps one that has begun, in the same cache.
+NUMBA_CPU_NAME names the processor that the kernels are for.  The number of kernels is printed.
 
 Machine code is the same for all Pythons: it calls them by functions of their stable interface alone (a test of
 tests/unit/test_shipped_kernels.py).  The digest of a kernel's sources is not, because it covers Python's instructions.
@@ -22,7 +20,7 @@ from pathlib import Path
 from numba import none
 from numba.core.serialize import dumps
 
-from rle_splat.pipeline.prepare import PICTURES, STORED_TYPES, picture_steps, prepare_steps
+from rle_splat.pipeline.prepare import prepare_steps
 from rle_splat.runtime.kernel_cache import KernelCache
 from rle_splat.runtime.kernel_digest import digest_of
 from rle_splat.runtime.numba_internals import Kernel
@@ -47,8 +45,6 @@ def _compiled():
             if compiled.signature.return_type != none:  # what a picture calls fills arrays; this is a part of others
                 continue
             key = cache._index_key(types, codegen)
-            if cache._cache_file.load(key) is None:  # another process wrote the index at the same moment
-                cache.save_overload(types, compiled)
             name = entry_name(kernel.py_func, types, codegen.magic_tuple()[0])
             yield name, key[-1], dumps(cache._cache_file.load(key))
 
@@ -80,12 +76,7 @@ def pack(path: Path, comment: bytes, found=None) -> int:
     return count
 
 
-def main(path: str = "", comment: str = "", made: str = "") -> None:
-    if not path:
-        for picture in reversed(PICTURES):
-            for stored in STORED_TYPES:
-                drain(picture_steps(picture, stored))
-        return
+def main(path: str, comment: str, made: str = "") -> None:
     if not made:
         drain(prepare_steps())
     print(pack(Path(path), comment.encode(), _made_for_another(Path(made)) if made else None))

@@ -57,8 +57,12 @@ def executable(environment: Path, name: str = "python") -> Path:
 
 
 def clean_environ(**extra: str) -> dict[str, str]:
-    """This process's environment without what would leak another Python into a child, plus ``extra``."""
-    environ = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV")}
+    """This process's environment without what would leak another Python into a child, plus ``extra``.
+
+    Children keep the bytecode of what they import: a whole run starts hundreds of Pythons.
+    """
+    left_out = ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV", "PYTHONDONTWRITEBYTECODE")
+    environ = {k: v for k, v in os.environ.items() if k not in left_out}
     environ.update(extra)
     return environ
 

@@ -16,10 +16,11 @@ from pathlib import Path
 from threading import Lock
 from typing import Callable
 
+from . import stage_times
 from .build import build_here
 from .catalogue import FIGURES_VARIABLE, PAGE, table
 from .environments import BPY, CLUSTER, CORE, ensure, ensure_bench, ensure_bpy, without_python
-from .kernels import help_compile, make_kernels
+from .kernels import make_kernels
 from .places import BPY_KERNELS, BPY_PYTHON, BUILD, KERNELS, PYTHONS, ROOT, Failure, clean_environ, pixels, say
 from .real_blender import ensure_blender
 from .real_blender_tests import WHOLE, real_blender_stages, window_stage
@@ -39,6 +40,13 @@ NOTHING, MADE_KERNELS, EVERYTHING = "nothing", "kernels", "everything"  # what a
 # What the core's folders wait for; others wait for kernels.
 AFTER = {"read": NOTHING, "project": NOTHING} | dict.fromkeys(WANT_BLENDER, EVERYTHING)
 
+# Files of tests/unit that call no kernel of a package: they run while those are compiled.
+WITHOUT_KERNELS = tuple(
+    TESTS_FOLDER / "unit" / f"test_{name}.py"
+    for name in ("contrast", "gallery", "guess_byte_order", "kernel_cache", "larger_voxels", "presets", "view")
+)
+WITHOUT_KERNELS_STAGE = "core, unit without kernels"
+
 # Threads of small pictures and matrices, which most tests make, wait for each other longer than they work.  Those of
 # the first layer sleep meanwhile: 360 pictures of 32 x 32 pixels took 2.3 s of processor time, and 20.6 s with TBB,
 # beside other stages.  BLAS with more than one took 1.6 times the processor time and no less time.
@@ -57,7 +65,7 @@ QUICK = ("project", "unit", "effects", "figure", "read", "cli")  # the core's fo
 # The longest parts, which begin first; the others take a minute or less.
 LONGEST = (
     REAL_BLENDER, "core-unit", f"bpy-{NEWEST}", "hard-cases", "core-truths", "core-effects", "bpy-5.0", "bpy-4.5",
-    "bpy-5.2", "core-read", "core-cli", "extras",
+    "bpy-5.2", "core-read", "core-without-kernels", "core-cli", "extras",
 )  # fmt: skip
 
 OTHERS = {"bench": ensure_bench, "cluster": lambda: ensure(CLUSTER)}  # make the environments that some tests want
@@ -165,9 +173,6 @@ def _make_ready(quick: bool, kernels: Future) -> Ready:
             with suppress(Failure):
                 ensure_bpy(version)
     pythons = {} if quick else {name: _other(name) for name in OTHERS}
-    if not kernels.done():
-        with suppress(Failure):
-            help_compile()
     kernels.result()
     ready = _zips(_pythons(_versions(quick)))
     ready.pythons = pythons
@@ -243,7 +248,8 @@ def parts(options=(), quick: bool = False, everywhere: bool = False) -> dict[str
     whole = not options
 
     def core(folder: str) -> Part:
-        words = [TESTS_FOLDER / folder, f"--ignore={CLUSTER_TESTS}", *_leave_out(*slow, EXTRAS), *options]
+        ignored = [f"--ignore={path}" for path in (CLUSTER_TESTS, *WITHOUT_KERNELS)]
+        words = [TESTS_FOLDER / folder, *ignored, *_leave_out(*slow, EXTRAS), *options]
         return Part(
             lambda ready, aside: [_core(words, f"core, {folder}", aside)], after=AFTER.get(folder, MADE_KERNELS)
         )
@@ -254,6 +260,10 @@ def parts(options=(), quick: bool = False, everywhere: bool = False) -> dict[str
         # It waits because it compares its pictures with those of Blender's Pythons.
         found["hard-cases"] = Part(lambda ready, aside: _hard_cases([*_leave_out(*slow), *options], aside, whole))
     found |= {f"core-{folder}": core(folder) for folder in core_folders() if folder in QUICK or not quick}
+    words = [*WITHOUT_KERNELS, *_leave_out(*slow, EXTRAS), *options]
+    found["core-without-kernels"] = Part(
+        lambda ready, aside, words=words: [_core(words, WITHOUT_KERNELS_STAGE, aside)], after=NOTHING
+    )
     for version in _versions(quick):
         marks = OLDEST_BLENDER if version == OLDEST else EVERY_BLENDER
         whole_of_it = everywhere or (version == NEWEST and not quick)
@@ -355,7 +365,11 @@ def test(arguments, quick: bool = False, everywhere: bool = False) -> int:
     core, blender, options = _split(arguments)
     if core or blender:
         return summary(_some(core, blender, options, quick))
-    return summary(_everything(options, quick, everywhere))
+    started = time.monotonic()
+    stages = _everything(options, quick, everywhere)
+    if not (quick or options):
+        stage_times.save(stages, time.monotonic() - started)
+    return summary(stages)
 
 
 def test_windows(arguments) -> int:

@@ -1,4 +1,4 @@
-"""The operators, one file for each action."""
+"""The operators, one file for each action, or for a few on the same thing."""
 
 from importlib import import_module
 
@@ -8,12 +8,12 @@ from ..bridge.classes import classes_of
 from . import import_volume, show_tab
 
 MODULES = [import_module(f".{name}", __name__) for name in (
-    "import_volume choose_series relocate apply_preset transfer_files window_level own_transfer keyframe_transfer "
-    "render_image set_backdrop composite list_effects accuracy add_clip read_labels channels shadow_pass "
-    "frame_volume live_view choose_object delete_clip clear_kernels reload clip_to_view add_slice drag_window "
-    "use_window_tool probe own_presets choose_transfer solo_label color_anatomy turntable extract_surface "
-    "save_figure bake_volume remove_table keep_connected threshold_segment change_segment export_segments "
-    "scroll_slice four_up plain_background fit_clip clear_labels show_tab update_world_light hide_mesh"
+    "import_volume choose_series relocate apply_preset transfer_files window_level own_transfer render_image "
+    "set_backdrop composite list_effects accuracy add_clip read_labels channels shadow_pass frame_volume live_view "
+    "objects clear_kernels reload clip_to_view add_slice drag_window use_window_tool probe own_presets "
+    "choose_transfer label_rows turntable extract_surface save_figure bake_volume remove_table keep_connected "
+    "threshold_segment change_segment export_segments scroll_slice four_up plain_background fit_clip show_tab "
+    "update_world_light add_letters"
 ).split()]  # fmt: skip
 CLASSES = classes_of(MODULES)
 

@@ -109,7 +109,7 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
         "give it less than half of its brightness on any side. The panel Lighting changes it",
         default=False, options={"SKIP_SAVE"})  # fmt: skip
     use_segments: BoolProperty(
-        name="Segments Beside It", description="Show the segmentation of the scan, if there is one beside it, in the "
+        name="Load Segmentation", description="Show the segmentation of the scan, if there is one beside it, in the "
         "colors of Anatomy: a DICOM SEG or RTSTRUCT in its folder or the one above, or a file or folder of masks whose "
         "name has the word label or segmentation", default=False, options={"SKIP_SAVE"})  # fmt: skip
     hide_table: BoolProperty(
@@ -203,7 +203,7 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
         if self.use_segments:
             made, problem = yield from rescale(segments.beside_steps(path, found.volume), BODY, 1.0)
             self.guesses += (problem,)
-        if made is None and self.hide_table and found.volume.value_unit == "HU" and found.frames == 1:
+        if made is None and self.hide_table and found.frames == 1:
             steps = segments.body_steps(found.volume, transfer_function, new_volume.name_of(path, found.volume))
             made = yield from rescale(steps, BODY, 1.0)
         yield Progress(1.0, "adding the volume")  # in a slice of its own

@@ -1,4 +1,4 @@
-"""Make Own Copy: give a volume its own copy of a shared transfer function."""
+"""The transfer function of a volume: an own copy, and keyframes, since Blender offers none on a curve's points."""
 
 import bpy
 
@@ -22,4 +22,20 @@ class RLE_SPLAT_OT_own_transfer(bpy.types.Operator):
 
     def execute(self, context):
         transfer.own_tree(volumes.volume_object(context))
+        return {"FINISHED"}
+
+
+class RLE_SPLAT_OT_keyframe_transfer(bpy.types.Operator):
+    """Insert keyframes on the colors, the opacity curve, the window and the shading at the current frame"""
+
+    bl_idname = "rle_splat.keyframe_transfer"
+    bl_label = "Keyframe Transfer Function"
+    bl_options = {"REGISTER", "UNDO"}
+
+    poll = classmethod(has_editable_transfer)
+
+    def execute(self, context):
+        count = transfer.keyframe(volumes.volume_object(context), context.scene.frame_current)
+        self.report({"INFO"}, f"{count} values keyframed at frame {context.scene.frame_current}. "
+                              "Keep the number of points the same at all keyframes.")  # fmt: skip
         return {"FINISHED"}

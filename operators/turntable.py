@@ -157,7 +157,9 @@ class RLE_SPLAT_OT_turntable(ExportHelper, bpy.types.Operator):
                 self._finish(context)
                 return {"FINISHED"}
             scene.camera = camera
-            self._include(context)
+            # Have renders include the scene's volumes, if they include none
+            if not context.scene.rle_splat.use_composite:
+                bpy.ops.rle_splat.composite()
             if self.path == TURN:
                 look_through(scene, camera, frames)
             if self.background != "SCENE":
@@ -190,11 +192,6 @@ class RLE_SPLAT_OT_turntable(ExportHelper, bpy.types.Operator):
     def _frames(self, scene) -> range:
         last = scene.frame_end if self.path == OWN else scene.frame_start + self.frames - 1
         return range(scene.frame_start, last + 1)
-
-    def _include(self, context) -> None:
-        """Have renders include the scene's volumes, if they include none."""
-        if not context.scene.rle_splat.use_composite:
-            bpy.ops.rle_splat.composite()
 
     def _render_through(self, context) -> set:
         """Render in this call, for scripts and background mode."""

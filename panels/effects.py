@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..bridge.data.effects import TEXTS, property_of
+from ..bridge.data.effects import TEXTS, property_of, title
 from .places import RenderTab, Sidebar, paragraph
 
 NAME_SHARE = 0.62  # of a row's width that the effect's name takes
@@ -43,11 +43,6 @@ def _draw_all(context, layout, rows: dict) -> None:
         split.prop(context.scene.rle_splat.effect_overrides, property_of(name), text="")
         if name in rows:
             paragraph(context, box, row_text(rows[name]))
-
-
-def title(name: str) -> str:
-    """The name of an effect in Title Case: Depth of Field."""
-    return name.title().replace(" Of ", " of ").replace(" On ", " on ")
 
 
 def row_text(row) -> str:

@@ -1,6 +1,5 @@
 """What the tab shows before the first volume: three steps with their buttons, and whether the first picture waits."""
 
-from ..bridge.translations import OURS
 from ..rle_splat.runtime.jit import nothing_compiled_yet
 from .places import paragraph
 
@@ -12,7 +11,7 @@ def draw(context, layout) -> None:
     step.operator("rle_splat.import_folder", text="Import DICOM Folder…", icon="FILE_FOLDER")
     step = _step(context, layout, "2. Choose a preset, then turn the view")
     step.menu("RLE_SPLAT_MT_presets", icon="PRESET")
-    step.operator("rle_splat.frame_volume", text="Show Whole", text_ctxt=OURS, icon="ZOOM_SELECTED")
+    step.operator("rle_splat.frame_volume", icon="ZOOM_SELECTED")
     step = _step(context, layout, "3. Show it in renders (F12) with the rest of the scene")
     step.operator("rle_splat.composite", icon="RESTRICT_RENDER_OFF")
     if nothing_compiled_yet():

@@ -51,7 +51,7 @@ def _tall(layout):
 
 
 def _draw_files(layout) -> None:
-    """Buttons that make an image, an animation, a figure, a mesh or a file of the volume."""
+    """Buttons that make an image, an animation, a figure, a mesh or a file of the volume, or letters for renders."""
     row = _tall(layout)
     row.operator("rle_splat.render_image", icon="IMAGE_DATA")
     row.operator("rle_splat.turntable", icon="RENDER_ANIMATION")
@@ -59,6 +59,7 @@ def _draw_files(layout) -> None:
     row.operator("rle_splat.save_figure", icon="DOCUMENTS")
     row.operator("rle_splat.extract_surface", icon="MESH_ICOSPHERE")
     layout.operator("rle_splat.bake_volume", icon="VOLUME_DATA")
+    layout.operator("rle_splat.add_letters", icon="FONT_DATA")
 
 
 def _draw_quality(context, layout) -> None:

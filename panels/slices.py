@@ -34,7 +34,8 @@ class RLE_SPLAT_PT_slices(Sidebar, bpy.types.Panel):
                 "rle_splat.choose_object", text=_short_name(one), icon="MESH_PLANE", emboss=False
             ).name = one.name
             row = halves.row(align=True)
-            row.prop(one, "location", index=2, text="")
+            unit = one.parent.rle_splat.length_unit if one.parent is not None else ""
+            row.prop(one.rle_splat, "slice_position", text=unit, translate=False)
             row.prop(one, "hide_viewport", text="")
             row.prop(one, "hide_render", text="")
             problem = slice_pictures.problem_of(one)

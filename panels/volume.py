@@ -4,7 +4,7 @@ import bpy
 
 from ..bridge.loop import work
 from ..bridge.loop.jobs import StepwiseOperator
-from ..bridge.translations import OURS, translate
+from ..bridge.translations import translate
 from ..bridge.volumes import volumes
 from ..operators.refusal import WHICH_VOLUME
 from ..rle_splat.runtime.jit import NUMBA_PROBLEM
@@ -52,8 +52,8 @@ def _draw_in_renders(layout, is_on: bool) -> None:
 def _draw_views(layout, properties) -> None:
     """Buttons that move the view to the volume, for a patient from each side."""
     is_patient = properties.space == PATIENT
-    row = layout.split(factor=0.42, align=True) if is_patient else layout
-    row.operator("rle_splat.frame_volume", text="Show Whole", text_ctxt=OURS, icon="ZOOM_SELECTED").side = "NONE"
+    row = layout.split(factor=0.47, align=True) if is_patient else layout
+    row.operator("rle_splat.frame_volume", icon="ZOOM_SELECTED").side = "NONE"
     if is_patient:
         sides = row.row(align=True)
         for side in "APLRSI":

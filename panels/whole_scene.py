@@ -26,12 +26,14 @@ class ScenePanel:
         row.prop(settings, "use_shadows")
         column.prop(settings.effect_overrides, effects.property_of(effects.SHADOWS_ON_MESHES), text="On Meshes")
         column.prop(settings, "use_world")
-        row = layout.row()
+        column = layout.column(align=True)
+        column.use_property_split = False  # the longer name would be cut off
+        row = column.row(align=True)
         row.active = has_shadows
-        row.prop(settings, "ambient_occlusion")
-        row = layout.row()
+        row.prop(settings, "ambient_occlusion", slider=True)
+        row = column.row(align=True)
         row.active = is_lit and settings.use_shadows and not is_pre_classified(settings)
-        row.prop(settings, "indirect_light")
+        row.prop(settings, "indirect_light", slider=True)
         layout.prop(settings, "use_mist")
         row = layout.row(heading="Meshes")  # the name in one would be cut off
         row.prop(settings, "meshes_occlude", text="Hide Volume")

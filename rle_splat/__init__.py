@@ -37,6 +37,7 @@ _HOME = {
     "Mist": ("scene", "Mist"),
     "Clip": ("scene", "Clip"),
     "Labels": ("scene", "Labels"),
+    "hide_table": ("segment.body", "hide_table"),
     "Channel": ("scene", "Channel"),
     "Pose": ("scene", "Pose"),
     # pictures

@@ -2,7 +2,7 @@
 
 
 def switch(name: str, special: float, other: float, *, when_special: bool = True) -> dict:
-    """Getter and setter of a BoolProperty that says whether a number has its special value.
+    """Keyword arguments ``get`` and ``set`` of a BoolProperty that says whether a number has its special value.
 
     Parameters
     ----------
@@ -14,11 +14,6 @@ def switch(name: str, special: float, other: float, *, when_special: bool = True
         What the number becomes when it ceases to be special.
     when_special : bool
         Value of the checkbox while the number is special.
-
-    Returns
-    -------
-    dict
-        Keyword arguments ``get`` and ``set``.
     """
 
     def get(group) -> bool:

@@ -32,6 +32,11 @@ def property_of(name: str) -> str:
     return name.replace(" ", "_").replace("-", "_")
 
 
+def title(name: str) -> str:
+    """The name of an effect in Title Case: Depth of Field."""
+    return name.title().replace(" Of ", " of ").replace(" On ", " on ")
+
+
 _Override = partial(EnumProperty, items=STATE_ITEMS, default=AUTO, update=evaluate_anew)
 
 
@@ -39,7 +44,7 @@ class EffectOverrideProperties(bpy.types.PropertyGroup):
     """One enum property for each effect."""
 
     __annotations__ = {
-        property_of(name): _Override(name=name.capitalize(), description=text[0].upper() + text[1:])
+        property_of(name): _Override(name=title(name), description=text[0].upper() + text[1:])
         for name, text in TEXTS.items()
     }
 

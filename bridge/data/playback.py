@@ -52,7 +52,7 @@ def curves_of(datablock) -> list:
 
 
 def shown_frame(owner, depsgraph=None, ahead: int = 0) -> int:
-    """The frame that a volume object shows.
+    """The frame that a volume object shows, from 1 to the number of frames.
 
     Parameters
     ----------
@@ -60,11 +60,6 @@ def shown_frame(owner, depsgraph=None, ahead: int = 0) -> int:
         Gives the time and animated values; without it those of the current scene.
     ahead : int
         Frames of the timeline after that time.
-
-    Returns
-    -------
-    int
-        From 1 to the number of frames.
     """
     properties = owner.rle_splat if depsgraph is None else owner.evaluated_get(depsgraph).rle_splat
     scene = bpy.context.scene if depsgraph is None else depsgraph.scene_eval

@@ -19,7 +19,7 @@ from .automatic import draw_number, switch
 BESIDE, PACKED = "BESIDE", "PACKED"
 GIBIBYTE = 1 << 30
 FAILED_FRAME_ITEMS = [
-    ("PLACEHOLDER", "Go On", "Show magenta stripes instead of the volume and continue"),
+    ("PLACEHOLDER", "Continue", "Show magenta stripes instead of the volume and continue"),
     ("STOP", "Stop", "Show magenta stripes instead of the volume and end the animation after this frame. "
      "Blender reports the animation as finished. A script that renders single frames continues"),
 ]  # fmt: skip

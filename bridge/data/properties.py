@@ -44,10 +44,8 @@ QUALITY_TEXTS = {
     "strict": ("Very Fine", "The most accurate quality, and slow"),
 }
 CLASSIFICATION_TEXTS = {
-    "pre": ("Soft Edges", "Give every voxel its color and opacity, then interpolate those, as in the paper "
-                          "(pre-classified)"),
-    "post": ("Sharp Edges", "Interpolate the values, then look up color and opacity, as ray casting does "
-                            "(post-classified)"),
+    "pre": ("Pre-Classified", "Give every voxel its color and opacity, then interpolate those, as in the paper"),
+    "post": ("Post-Classified", "Interpolate the values, then look up color and opacity, as ray casting does"),
 }  # fmt: skip
 # The numbers are those of saved files, where 1 was an item that was removed (see settings.REMOVED_NUMBERS).
 CLASSIFICATION_ITEMS = [
@@ -55,7 +53,7 @@ CLASSIFICATION_ITEMS = [
 ]
 QUALITY_ITEMS = [(name, *texts) for name, texts in QUALITY_TEXTS.items()] + [
     ("paper", "As in the Paper", "The algorithm exactly as in the paper, for comparison"),
-    ("custom", "Own Settings", "Set every option in the Advanced panel"),
+    ("custom", "Custom", "Set every option in the Advanced panel"),
 ]
 
 
@@ -78,15 +76,15 @@ PLAIN_TEXTS = {
     "classification": "Whether values become opacity and color before or after they are interpolated",
     "depth_rule": "How many layers lie between neighboring slices, and how they are added up along the view",
     "sheet_density": "Pixels of a layer for each pixel of the picture; 0 for one for each voxel",
-    "kernel": "Shape in which a voxel is drawn; only Linear with Sharp Edges",
-    "minification": "What prevents shimmer where voxels are smaller than pixels; only Off with Sharp Edges",
+    "kernel": "Shape in which a voxel is drawn; only Linear if post-classified",
+    "minification": "What prevents shimmer where voxels are smaller than pixels; only Off if post-classified",
     "warp_filter": "How the finished layers become the pixels of the picture",
     "axis_fade": "Angle in degrees over which the picture changes from one stack of slices to another when the camera "
     "turns, so that it does not jump; in orthographic views only",
     "termination": "Transmittance below which a pixel counts as opaque, and what is behind is skipped",
     "rays": "Difference between neighboring pixels (1 is black to white) from which a pixel is ray cast, which is "
-    "slower and exact; 0 for none; with Sharp Edges only",
-    "model": "What voxels that overlap add up; only Extinction with Sharp Edges",
+    "slower and exact; 0 for none; only if post-classified",
+    "model": "What voxels that overlap add up; only Extinction if post-classified",
     "record": "Bytes in memory for each voxel; fewer lose accuracy",
 }
 
@@ -151,7 +149,7 @@ class SceneSettings(bpy.types.PropertyGroup):
         "Quality",
         **switch("max_error", 0.0, 2.0, when_special=False))  # fmt: skip
     classification: EnumProperty(
-        name="Edges", description=PLAIN_TEXTS["classification"], items=CLASSIFICATION_ITEMS,
+        name="Classification", description=PLAIN_TEXTS["classification"], items=CLASSIFICATION_ITEMS,
         default=USUAL.classification, update=_classification_chosen)  # fmt: skip
     depth_rule: KnobEnum(
         name="Layers", description=PLAIN_TEXTS["depth_rule"], default=USUAL.depth_rule,
@@ -194,7 +192,7 @@ class SceneSettings(bpy.types.PropertyGroup):
         name="Shadows",
         default=True,
         description="Let lights whose own Shadow option is on cast shadows of the volume and of meshes on the volume. "
-        "Not used where Edges is Soft and there is a Maximum Error",
+        "Not used if pre-classified with a Maximum Error",
     )
     use_world: LiveBool(
         name="World Light",
@@ -211,13 +209,13 @@ class SceneSettings(bpy.types.PropertyGroup):
         "Mist pass of a view layer has no effect on the volume",
     )
     ambient_occlusion: LiveFloat(
-        name="Occlusion", default=0.0, min=0.0, max=1.0, precision=2,
+        name="Ambient Occlusion", default=0.0, min=0.0, max=1.0, precision=2,
         description="Darken places where the volume or a mesh blocks the light from all sides; 1 is full strength. "
-        "Not used where Edges is Soft and there is a Maximum Error")  # fmt: skip
+        "Not used if pre-classified with a Maximum Error")  # fmt: skip
     indirect_light: LiveFloat(
-        name="Indirect", default=0.0, min=0.0, max=1.0, precision=2,
+        name="Indirect Light", default=0.0, min=0.0, max=1.0, precision=2,
         description="Let light that casts shadows scatter in the volume, so that thin and soft matter is translucent; "
-        "1 is full strength. Not used with Soft Edges")  # fmt: skip
+        "1 is full strength. Not used if pre-classified")  # fmt: skip
     clip_objects: LivePointer(
         name="Clip Objects",
         type=bpy.types.Collection,

@@ -34,6 +34,7 @@ from .overridable import (
     evaluate_anew,
 )  # fmt: skip
 from .playback import Playback
+from .settings import scene_scale_of
 from .source_options import SourceOptions
 
 DISPLAY_ITEMS = [
@@ -41,7 +42,7 @@ DISPLAY_ITEMS = [
     ("mip", "MIP", "Maximum intensity projection: show the largest value along each line of sight"),
     ("minip", "MinIP", "Minimum intensity projection: show the smallest value along each line of sight"),
     ("average", "Average", "Show the mean value along each line of sight"),
-    ("xray", "X-ray", "Show how much is absorbed along each line of sight: dense tissue is bright"),
+    ("xray", "X-Ray", "Show how much is absorbed along each line of sight: dense tissue is bright"),
 ]
 SHOWN = tuple(item[0] for item in DISPLAY_ITEMS)  # the modes in the order of the panel
 MODE_ITEMS = [DISPLAY_ITEMS[SHOWN.index(name)] for name in tables.MODES]  # in that of files
@@ -67,6 +68,19 @@ def _shift(group, by: float) -> None:
     if not group.is_property_set("preset_center"):
         group.preset_center = group.window_center
     group.window_center = group.preset_center + by
+
+
+def _slice_step(group) -> float:
+    """The length by which a slice moves for 1 of its own location z, in its volume's unit of length."""
+    one = group.id_data
+    if one.parent is None:
+        return 1.0
+    world = one.matrix_parent_inverse.to_3x3().col[2].length
+    return world / scene_scale_of(bpy.context.scene, one.parent.rle_splat.length_unit) or 1.0
+
+
+def _move_slice(group, to: float) -> None:
+    group.id_data.location.z = to / _slice_step(group)
 
 
 def _flip(group, on: bool) -> None:
@@ -173,6 +187,10 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     slice_kind: StringProperty(
         name="Kind of Slice", description="How the slice lay when it was added: axial, coronal or sagittal",
         options={"HIDDEN"})  # fmt: skip
+    slice_position: FloatProperty(
+        name="Position", description="Where the slice is along its normal, from the middle of the scan, in the file's "
+        "unit of length, mm for patients", precision=1, step=100, options=set(), set=_move_slice,
+        get=lambda group: group.id_data.location.z * _slice_step(group))  # fmt: skip
     slices_follow_window: BoolProperty(
         name="Same as Volume", default=True, update=_unlink_slices,
         description="Let slices use the level and window of the volume's colors instead of their own")  # fmt: skip
@@ -183,7 +201,7 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         name="Window", description="Width of the range of values that slices show from black to white", default=1.0,
         min=1e-6, precision=2)  # fmt: skip
     slices_clear_black: LiveBool(
-        name="Clear Black",
+        name="Transparent Black",
         default=False,
         description="Make transparent what slices would show black, such as the air around the body. The volume "
         "behind it shows there",
@@ -213,8 +231,9 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         name="Opacity", description="Factor on the whole opacity curve", default=1.0, min=0.0, soft_max=2.0
     )
     opacity_unit_distance: LiveFloat(
-        name="Opacity Unit Distance", description="Length of material that has the opacity of the curve: smaller is "
-        "more opaque. 0 uses the smallest voxel spacing", default=0.0, min=0.0, precision=4)  # fmt: skip
+        name="Opacity Unit Distance", description="Length of material, in mm for patients, that has the opacity of "
+        "the curve: smaller is more opaque. 0 uses the smallest voxel spacing", default=0.0, min=0.0,
+        precision=4)  # fmt: skip
     use_smallest_spacing: BoolProperty(
         name="Automatic", description="Use the smallest voxel spacing",
         **switch("opacity_unit_distance", 0.0, 1.0))  # fmt: skip
@@ -235,7 +254,7 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     use_inverted_grays: LiveBool(
         name="Inverted",
         default=False,
-        description="Show high values black, as a PET is read, for a white background. Not used in the mode X-ray",
+        description="Show high values black, as a PET is read, for a white background. Not used in the mode X-Ray",
     )
     display: EnumProperty(
         name="Mode", description="What each pixel shows of the volume behind it. Modes other than Shaded begin with "
@@ -261,13 +280,13 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         name="Shininess", default=20.0, min=1.0, soft_max=100.0,
         description="Sharpness of the highlights; higher is smaller and sharper")  # fmt: skip
     highlight: LiveEnum(
-        name="Reflection", description="Model of the highlights", default="BLINN_PHONG",
+        name="Highlights", description="How the shape of the highlights is computed", default="BLINN_PHONG",
         items=(("BLINN_PHONG", "Blinn-Phong", "Use the direction halfway between light and camera"),
                ("PHONG", "Phong", "Use the mirror direction of the light")))  # fmt: skip
     smoothness: LiveFloat(
         name="Smoothness", default=-1.0, min=-1.0, soft_max=10.0, precision=2,
         description="Distance in mm over which values are smoothed before light is computed, which removes the rings "
-        "of thick slices. 0 is off. Not used with Soft Edges")  # fmt: skip
+        "of thick slices. 0 is off, -1 is automatic. Not used if pre-classified")  # fmt: skip
     use_automatic_smoothness: BoolProperty(
         name="Automatic", description="Smooth surfaces by the largest voxel spacing, at most 2 mm",
         **switch("smoothness", -1.0, 1.0))  # fmt: skip

@@ -50,9 +50,14 @@ def _on_update(_scene=None, depsgraph=None):
     """Redraw viewports after an edit, since Blender does not for all that a volume depends on, such as node trees."""
     if _lives and depsgraph is not None and depsgraph.mode != "RENDER" and is_allowed():
         for address in _lives:
-            region, _area = surface.region_of(address)
-            if region is not None:
-                region.tag_redraw()
+            _tag(address)
+
+
+def _tag(address: int) -> None:
+    """Have a region drawn again, unless it was closed."""
+    region, _area, _window = surface.region_of(address)
+    if region is not None:
+        region.tag_redraw()
 
 
 HANDLERS = (*shown.HANDLERS, ("depsgraph_update_post", _on_update))
@@ -160,22 +165,20 @@ def _tick():
             live.viewport.put_off()
         return timer.BUSY
     while _missed:
-        region, _area = surface.region_of(_missed.pop())
-        if region is not None:
-            region.tag_redraw()
+        _tag(_missed.pop())
     if not busy:
         return None
     address, live = min(busy.items(), key=lambda item: item[1].viewport.wait())
     wait = live.viewport.wait()
     if wait > 0.0:
         return wait
-    region, area = surface.region_of(address)
+    region, area, window = surface.region_of(address)
     if region is None:  # its area was closed, or its screen is not shown
         _forget_closed()
         return timer.PAUSE
     had = live.viewport.problem
     if live.viewport.work():
-        live.mesh = _find_mesh_before(live, region)
+        live.mesh = _find_mesh_before(live, window)
         region.tag_redraw()
         _tell_of(live.viewport, had)
         _redraw_panels(area)
@@ -185,23 +188,22 @@ def _tick():
 def _frame_local() -> None:
     """Timer function: frame the volumes in viewports that have just entered Local View, once these stand still."""
     for address, live in _lives.items():
-        region, area = surface.region_of(address)
+        region, area, _window = surface.region_of(address)
         if region is not None and live.is_local:
             owners = [owner for owner in map(shown.find, live.keys) if owner is not None]
             placed = [(owner, corners) for owner in owners if len(corners := box.world_corners(owner))]
             viewports.frame_if_too_near(area, placed)
 
 
-def _find_mesh_before(live: Live, region) -> str:
+def _find_mesh_before(live: Live, window) -> str:
     """Name of a mesh that hides the volumes of a viewport; looked for where its refined pictures are blank."""
     viewport = live.viewport
     is_done = viewport.is_refined and viewport.pictures and not viewport.problem
     if not is_done or any(one.rgba[..., 3].any() for one in viewport.pictures):
         return ""
-    window = surface.window_of(region)
     owners = [owner for owner in map(shown.find, live.keys) if owner is not None]
     corners = [found for found in map(box.world_corners, owners) if len(found)]
-    if window is None or not corners or not window.scene.rle_splat.meshes_occlude:
+    if not corners or not window.scene.rle_splat.meshes_occlude:
         return ""
     names = viewports.hiding_meshes(window.view_layer, np.concatenate(corners), viewport.eye)
     return names[0] if names else ""

@@ -50,13 +50,13 @@ def pixels_a_unit(context, owner) -> float:
     return 0.0 if None in places else (places[1] - places[0]).length
 
 
-def colors_of(owner, depsgraph=None) -> np.ndarray:
+def colors_of(owner) -> np.ndarray:
     """(STEPS + 1, 4) display colors of a volume's window, from low to high; RleSplatError if it has no colors."""
     low, high = transfer.window_of(owner.rle_splat)
     if owner.rle_splat.mode != MODES[0] and owner.rle_splat.use_grays:
         rgb = np.repeat(np.linspace(*transfer.gray_ends(owner.rle_splat), STEPS + 1)[:, None], 3, axis=1)
     else:
-        rgb = to_display(transfer.read_transfer(owner, depsgraph).color_at(np.linspace(low, high, STEPS + 1)))
+        rgb = to_display(transfer.read_transfer(owner).color_at(np.linspace(low, high, STEPS + 1)))
     return np.column_stack((rgb, np.ones(STEPS + 1)))
 
 

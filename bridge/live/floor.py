@@ -18,6 +18,7 @@ MOST = 0.05  # of the depth: near the horizon the floor changes too much to tell
 BEHIND = 0.03  # of the depth: Blender 5.2 draws lines behind the floor, in perspective by 1.3 % at the median
 SHARE = 1e-5  # of the depth, since the buffer is rounded
 THIN = 5  # pixels across which a line, or lines side by side, are less
+READING = "Reading the depth of meshes"
 ROWS = 4  # one row of so many is looked at first
 
 
@@ -37,12 +38,13 @@ def without_floor_steps(view: ViewportView, ends: np.ndarray, part):
         A line takes the furthest depth beside it. A mesh in that plane is no line and stays.
     """
     left, top, right, bottom = part
-    cleared = ends.copy()
-    drawn, found = ends[top:bottom, left:right], cleared[top:bottom, left:right]
-    floor = _Floor.of(view, part)
+    drawn, floor = ends[top:bottom, left:right], _Floor.of(view, part)
     rows = np.flatnonzero(floor.is_near(drawn[::ROWS], slice(None, None, ROWS)).any(axis=1)) * ROWS
+    yield Progress(0.0, READING)
     if not len(rows):
-        return cleared
+        return ends
+    cleared = ends.copy()
+    found = cleared[top:bottom, left:right]
     first, last = max(int(rows[0]) - ROWS, 0), min(int(rows[-1]) + ROWS, len(drawn))  # all else has no line
     for begin in range(first, last, BAND):
         band, above = slice(begin, min(begin + BAND, last)), min(begin, THIN)
@@ -52,7 +54,7 @@ def without_floor_steps(view: ViewportView, ends: np.ndarray, part):
             across = slice(max(int(columns[0]) - THIN, 0), int(columns[-1]) + 1 + THIN)
             closed = _closed(drawn[begin - above : band.stop + THIN, across])[above : above + len(near)]
             np.copyto(found[band, across], closed, where=near[:, across])
-        yield Progress((band.stop - first) / (last - first), "Reading the depth of meshes")
+        yield Progress((band.stop - first) / (last - first), READING)
     return cleared
 
 

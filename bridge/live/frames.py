@@ -8,11 +8,12 @@ import numpy as np
 from ...rle_splat.classify.transfer_function import TransferFunction
 from ...rle_splat.pipeline.fitting import fitting_steps
 from ...rle_splat.pipeline.several import MOST_SPANS, several_steps
+from ...rle_splat.runtime.steps import Progress
 from ...rle_splat.scene import Quality, Scene
 from ...rle_splat.view.box_order import near_to_far
 from ...rle_splat.view.projection import depth_row
 from ..pictures.drafts import draft_of
-from .floor import without_floor_steps
+from .floor import READING, without_floor_steps
 from .view import Matrices, ViewportView, furthest_of_blocks, pixels_of, resized, view_of, with_margin
 
 DRAFT_SPANS = 4  # in which a draft mixes volumes that overlap
@@ -154,7 +155,9 @@ def picture_steps(shot: Shot, drawn: Ends | None, cache, coarseness: int | None)
     if block > 1:
         view = resized(view, -(-width // block), -(-height // block))
     if coarseness is not None and ends is not None:
+        yield Progress(0.0, READING)
         ends = furthest_of_blocks(ends, block)
+        yield Progress(0.0, READING)
     made = []
     for group in shot.groups:
         sides = np.array([shot.pixels[n] for n in group])

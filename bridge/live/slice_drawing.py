@@ -43,10 +43,10 @@ def _has_slices() -> bool:
 
 
 def _before() -> None:
-    """PRE_VIEW: hold the viewport's framebuffer until its objects are drawn."""
+    """PRE_VIEW: hold the viewport's framebuffer until its objects are drawn; not while a render writes the pictures."""
     _framebuffer.clear()
     shading = bpy.context.space_data.shading
-    if _has_slices() and shading.type == "SOLID" and not shading.show_xray:
+    if _has_slices() and not bpy.app.is_job_running("RENDER") and shading.type == "SOLID" and not shading.show_xray:
         _framebuffer.append(gpu.state.active_framebuffer_get())
 
 

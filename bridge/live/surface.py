@@ -159,22 +159,12 @@ class BlenderSurface:
         return ray_ends(view, buffer, part)
 
 
-def region_of(address: int):
-    """The region of a 3D view at an address, and its area; (None, None) if it was closed."""
+def region_of(address: int) -> tuple:
+    """The region of a 3D view at an address, its area and its window; None for each if it was closed."""
     for window in bpy.context.window_manager.windows:
         for area in window.screen.areas:
             if area.type == "VIEW_3D":
                 for region in area.regions:
                     if region.as_pointer() == address:
-                        return region, area
-    return None, None
-
-
-def window_of(region):
-    """The window that shows a region of a 3D view; None if it was closed."""
-    address = region.as_pointer()
-    for window in bpy.context.window_manager.windows:
-        for area in window.screen.areas:
-            if any(one.as_pointer() == address for one in area.regions):
-                return window
-    return None
+                        return region, area, window
+    return None, None, None

@@ -214,18 +214,17 @@ def ray_ends(view: ViewportView, buffer: np.ndarray, part) -> np.ndarray:
     for first in range(0, len(buffer), BAND):
         band = slice(first, first + BAND)
         is_drawn = buffer[band] < 1.0
-        if not is_drawn.any():
-            continue
+        depth = buffer[band][is_drawn].astype(np.float64)
         # In perspective the reciprocal of the depth is affine in the buffer's number, in other views the depth itself.
         if view.window[3, 3]:
-            depth = np.multiply(buffer[band], -2.0 / slope, dtype=np.float64)
+            depth *= -2.0 / slope
             depth += (offset + 1.0) / slope + view.set_back
         else:
-            depth = np.multiply(buffer[band], 2.0 / offset, dtype=np.float64)
+            depth *= 2.0 / offset
             depth += (slope - 1.0) / offset
             with np.errstate(divide="ignore"):
                 np.reciprocal(depth, out=depth)
-        np.copyto(upward[band], depth, where=is_drawn, casting="same_kind")
+        upward[band][is_drawn] = depth
     return found
 
 
@@ -243,16 +242,20 @@ def furthest_of_blocks(depths: np.ndarray, side: int) -> np.ndarray:
     -------
     (ceil(H / side), ceil(W / side)) ndarray of float32
     """
-    for axis, size in enumerate(depths.shape):
-        padding = [(0, 0), (0, 0)]
-        padding[axis] = 1, 1 + -size % side
-        padded = np.moveaxis(np.pad(depths, padding, mode="edge"), axis, 0)
-        count = -(-size // side)
-        found = np.maximum(padded[: count * side : side], padded[1 : 1 + count * side : side])
-        for n in range(2, side + 2):
-            np.maximum(found, padded[n : n + count * side : side], out=found)
-        depths = np.moveaxis(found, 0, axis)
-    return np.ascontiguousarray(depths)
+    (height, width), count = depths.shape, -(-depths.shape[1] // side)
+    found = np.empty((-(-height // side), count), np.float32)
+    for first in range(0, len(found), BAND // side):
+        band = found[first : first + BAND // side]
+        begin, end = first * side - 1, (first + len(band)) * side + 1
+        beyond = (max(-begin, 0), max(end - height, 0)), (1, 1 + count * side - width)
+        part = np.pad(depths[max(begin, 0) : end], beyond, mode="edge")
+        down = part[: len(band) * side : side].copy()
+        for n in range(1, side + 2):
+            np.maximum(down, part[n : n + len(band) * side : side], out=down)
+        band[:] = down[:, : count * side : side]
+        for n in range(1, side + 2):
+            np.maximum(band, down[:, n : n + count * side : side], out=band)
+    return found
 
 
 def differ(depths: np.ndarray, others: np.ndarray, share: float) -> bool:

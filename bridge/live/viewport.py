@@ -57,7 +57,6 @@ class Request:
 
     Attributes
     ----------
-    matrices : Matrices
     volumes : tuple of str
         Keys of the visible volumes.
     drawn : tuple
@@ -218,7 +217,8 @@ class Viewport:
             self._stop_work()
         if self._work is None:
             self._start_draft()
-        self._advance(now + BITE)
+        if self._now() < now + BITE:
+            self._advance(now + BITE)
 
     def work(self) -> bool:
         """Do one step, from a timer; return whether a redraw is due: there is a new picture, or it is to look again."""
@@ -282,7 +282,7 @@ class Viewport:
             self._work = None
 
     def _advance(self, until: float) -> None:
-        """Work until a time, and at least one step, or until the pictures are made."""
+        """Work for at least one step, until the next one, if it takes as long, would end after a time."""
         while self._work is not None:
             began = self._now()
             try:
@@ -292,7 +292,7 @@ class Viewport:
                 self._finish(finished.value)
             else:
                 self._spent += self._now() - began
-            if self._now() >= until:
+            if 2.0 * self._now() - began >= until:
                 break
 
     def _finish(self, pictures: list[RegionPicture]) -> None:

@@ -10,7 +10,7 @@ from . import own_presets, preset_items
 MODALITY = "Modality: "  # line of a volume's facts
 NAMES = {"CT": "CT", "MR": "MR", "XA": "X-Ray", "PT": "PET", "RTDOSE": "Dose", "SMOKE": "Smoke"}
 OWN = "OWN"
-OF_THINGS = ("ct-botanical", "ct-industrial")  # not offered first for a patient
+OF_THINGS = ("ct-botanical", "ct-industrial")  # not offered for a patient
 
 
 @dataclass(frozen=True)
@@ -71,9 +71,9 @@ def groups(properties) -> list[PresetGroup]:
     suggested, *items = preset_items.IMPORT_ITEMS
     suits, others = [Entry(*suggested)], []
     for name, label, description in items:
-        of = PRESETS[name].modality
-        is_odd = name in OF_THINGS and properties.space == PATIENT
-        if of in (modality, None) and not is_odd:
+        if name in OF_THINGS and properties.space == PATIENT:
+            continue
+        if PRESETS[name].modality in (modality, None):
             suits.append(Entry(name, _short(label).removeprefix(f"{kind} "), description))  # the heading says it
         else:
             others.append(Entry(name, _short(label), description))

@@ -72,17 +72,12 @@ def visible_owners(context) -> list:
 
 
 def look_along(context, depsgraph, ray: Ray, owners) -> ProbeHit | None:
-    """Find the first visible surface of volumes along a ray.
+    """Find the first visible surface of volumes along a ray; RleSplatError as ``render_scene.seen_by``.
 
     Returns
     -------
     ProbeHit or None
         None if nothing is visible before the first mesh.
-
-    Raises
-    ------
-    RleSplatError
-        As ``render_scene.seen_by``.
     """
     furthest = ray.furthest
     if context.scene.rle_splat.meshes_occlude:

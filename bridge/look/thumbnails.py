@@ -252,10 +252,6 @@ def save_file(key: str, pixels: np.ndarray) -> None:
         place.mkdir(exist_ok=True)
         with whole_files([place / f"{key}.npz"]) as (part,):
             np.savez_compressed(part, **{PIXELS: pixels})
-        _forget_oldest(place)
-
-
-def _forget_oldest(place: Path) -> None:
-    files = sorted(place.glob("*.npz"), key=lambda file: file.stat().st_mtime, reverse=True)
-    for file in files[MOST_FILES:]:
-        file.unlink(missing_ok=True)
+        files = sorted(place.glob("*.npz"), key=lambda file: file.stat().st_mtime, reverse=True)
+        for file in files[MOST_FILES:]:
+            file.unlink(missing_ok=True)

@@ -25,7 +25,7 @@ def window_of(properties) -> tuple[float, float]:
 
 
 def write_transfer(volume_object, transfer_function: TransferFunction, window=None) -> str:
-    """Store a transfer function in a volume object: its node group, window and shading.
+    """Store a transfer function in a node group, window and shading; returns a sentence on what is inexact, or "".
 
     Parameters
     ----------
@@ -33,11 +33,6 @@ def write_transfer(volume_object, transfer_function: TransferFunction, window=No
         The volume object; it gets a node group if it has no local one.
     window : tuple of float, optional
         Low and high value of the window; default is the range of the function's points.
-
-    Returns
-    -------
-    str
-        A sentence on what could not be stored exactly, or "".
     """
     properties = volume_object.rle_splat
     low, high = _usable_window(transfer_function, properties) if window is None else window
@@ -97,17 +92,12 @@ def why_unusable(volume_object) -> str:
 
 
 def read_transfer(volume_object, depsgraph=None) -> TransferFunction:
-    """Read the transfer function of a volume object.
+    """Read the transfer function of a volume object; RleSplatError if the object has no usable transfer function.
 
     Parameters
     ----------
     depsgraph : bpy.types.Depsgraph, optional
         The evaluated scene, for the animated values at its frame.
-
-    Raises
-    ------
-    RleSplatError
-        If the object has no usable transfer function.
     """
     if encoded.is_of(volume_object):
         return encoded.transfer_of(volume_object)
@@ -159,7 +149,7 @@ def shown_transfer(volume_object, depsgraph=None) -> TransferFunction:
     -------
     TransferFunction
         With grays, the sRGB gray over black is proportional to the value, from 0 at the low end of the window to 1 at
-        the high end; inverted, it is 1 less that, over white. In the mode X-ray the opacity is, up to XRAY_ALPHA per
+        the high end; inverted, it is 1 less that, over white. In the mode X-Ray the opacity is, up to XRAY_ALPHA per
         smallest spacing. All modes but MinIP show the low end as transparent: most lines have the value of air.
 
     Raises
@@ -219,7 +209,7 @@ def _is_animated(tree, name: str) -> bool:
 
 
 def move_window(volume_object, center: float, width: float, keep_values: bool = False) -> str:
-    """Set level and window of a volume object.
+    """Set level and window of a volume object; returns the remark of ``write_transfer``.
 
     Parameters
     ----------
@@ -227,11 +217,6 @@ def move_window(volume_object, center: float, width: float, keep_values: bool = 
         Level and window in physical values.
     keep_values : bool
         Whether to redraw the curves so that every value keeps its color and opacity.
-
-    Returns
-    -------
-    str
-        The remark of ``write_transfer``.
     """
     properties = volume_object.rle_splat
     if not keep_values:

@@ -172,7 +172,7 @@ def read_ramp(ramp) -> list[tuple[float, float, float, float]]:
     return [(p, *map(float, ramp.evaluate(p)[:3])) for p in np.linspace(0.0, 1.0, TABLE + 1).tolist()]
 
 
-def fewest_stops(points, most: int = MOST_STOPS) -> list[int]:
+def fewest_stops(points) -> list[int]:
     """Choose color points whose polyline stays close to all of them.
 
     Greedy: the point farthest from the polyline through the chosen ones is added next.
@@ -187,11 +187,11 @@ def fewest_stops(points, most: int = MOST_STOPS) -> list[int]:
     list of int
         Ascending indices of the chosen points, both ends included.
     """
-    if len(points) <= most:
+    if len(points) <= MOST_STOPS:
         return list(range(len(points)))
     table = np.array(points, dtype=np.float64)
     chosen = [0, len(points) - 1]
-    while len(chosen) < most:
+    while len(chosen) < MOST_STOPS:
         chosen.sort()
         error = np.max(
             [np.abs(np.interp(table[:, 0], table[chosen, 0], table[chosen, c]) - table[:, c]) for c in (1, 2, 3)],

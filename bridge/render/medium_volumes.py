@@ -28,7 +28,7 @@ LONGEST_NAME = 40  # characters of the volume's name in names made of it
 
 
 def file_steps(plain: Scene, quality, factors, path, residual=None):
-    """Generator of Progress: write the medium of a scene to an OpenVDB file.
+    """Generator of Progress: write the medium of a scene to an OpenVDB file; returns its number of visible voxels.
 
     Parameters
     ----------
@@ -38,11 +38,6 @@ def file_steps(plain: Scene, quality, factors, path, residual=None):
         Voxels of the volume along each side of a voxel of the file.
     residual : ndarray, shape (4, 4), optional
         Space of the volume object to that of the object that shows the file, if they differ.
-
-    Returns
-    -------
-    int
-        Number of visible voxels.
 
     Raises
     ------

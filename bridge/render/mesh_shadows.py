@@ -154,7 +154,7 @@ def _impossible_because(scene, owner, plain: Scene) -> str:
 
 
 def update(shown: list, depsgraph, quality) -> dict:
-    """Have grids show what their volumes do at the depsgraph's time; nothing where the effect is off.
+    """Have grids show what volumes do at the depsgraph's time, if the effect is on; returns it as reports list effects.
 
     Parameters
     ----------
@@ -162,11 +162,6 @@ def update(shown: list, depsgraph, quality) -> dict:
         The volumes that a view layer shows, each with what its picture depends on.
     quality : Quality
         Its threads count.
-
-    Returns
-    -------
-    dict
-        The effect, as reports list effects.
 
     Raises
     ------

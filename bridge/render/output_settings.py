@@ -142,7 +142,7 @@ def check_frames(scene, frames, were_typed: bool) -> None:
 
 
 def write_to(scene, output: str, path: str) -> str:
-    """Have an animation of a scene written to files.
+    """Have an animation written to files; returns Blender's path, of pictures with ``####`` for the frame.
 
     Parameters
     ----------
@@ -150,11 +150,6 @@ def write_to(scene, output: str, path: str) -> str:
         A movie, or one picture for each frame.
     path : str
         Absolute path. An extension of one of these kinds is replaced.
-
-    Returns
-    -------
-    str
-        The path that Blender is given; of pictures with ``####`` for the number of the frame.
 
     Raises
     ------

@@ -33,17 +33,12 @@ class WorldLight(NamedTuple):
 
 
 def read_world(scene, warn=None) -> WorldLight | None:
-    """The light of a scene's world.
+    """The light of a scene's world; None without a world, for black, and after a warning.
 
     Parameters
     ----------
     warn : callable, optional
         Called with one sentence if the light is not that of the world as it is now.
-
-    Returns
-    -------
-    WorldLight or None
-        None without a world, for black, and after a warning.
     """
     if scene.world is None:
         return None

@@ -88,12 +88,7 @@ def make_ready(scene, depsgraph) -> None:
 
 
 def update_steps(scene):
-    """Generator of Progress: the light of a scene's world now and, of an animated world, in all frames of the scene.
-
-    Returns
-    -------
-    str
-        The new value of the scene's ``world_light``.
+    """Generator of Progress: a world's light now and, if animated, in all frames; returns the new ``world_light``.
 
     Raises
     ------

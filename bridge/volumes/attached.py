@@ -11,20 +11,18 @@ SURFACE = "rle_splat_surface"  # custom property of a mesh of the volume's surfa
 def attach(one, owner, matrix: np.ndarray, basis=None) -> None:
     """Make an object a child of a volume, at a given place.
 
+    Location, rotation and scale cannot shear.  The parent's inverse matrix holds what they leave of ``matrix``, so the
+    place is exact for a sheared volume too.
+
     Parameters
     ----------
-    matrix : ndarray, shape (4, 4)
+    matrix : ndarray or mathutils.Matrix, shape (4, 4)
         The object's own space to the world.
     basis : mathutils.Matrix, optional
         What the object's own location, rotation and scale are to be.  By default those of ``matrix``, as if the object
         had no parent.
-
-    Notes
-    -----
-    Location, rotation and scale cannot shear.  The parent's inverse matrix holds what they leave of ``matrix``, so the
-    place is exact for a sheared volume too.
     """
-    wanted = Matrix(matrix.tolist())
+    wanted = Matrix(matrix)
     one.matrix_world = wanted  # where Blender does not evaluate the object, as in a disabled collection, this stays
     one.parent = owner
     if basis is not None:

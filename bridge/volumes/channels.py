@@ -105,17 +105,12 @@ def check_grid(name: str, placed, owner_name: str, volume) -> None:
 
 
 def remove_channel(owner, index: int) -> None:
-    """Remove a channel.
+    """Remove a channel; RleSplatError if there is no such row, or it belongs to the library of an override.
 
     Parameters
     ----------
     index : int
         Row in its list of channels, from 0.
-
-    Raises
-    ------
-    RleSplatError
-        If there is no such row, or it belongs to the library of an override.
     """
     rows = owner.rle_splat.channels
     if index >= len(rows):

@@ -27,6 +27,8 @@ _folders: dict = {}  # path of a folder, or of a file of a series -> _Looked
 def state_of(path, is_series: bool = False) -> tuple:
     """Size and time of a file; of a folder or a series also a hash of the names, sizes and times of its files.
 
+    Panels and handlers ask often, so that a folder is looked at once in FRESH seconds, and a large one less often.
+
     Parameters
     ----------
     is_series : bool
@@ -37,10 +39,6 @@ def state_of(path, is_series: bool = False) -> tuple:
     ------
     OSError
         If there is no such file.
-
-    Notes
-    -----
-    Panels and handlers ask often, so that a folder is looked at once in FRESH seconds, and a large one less often.
     """
     status = os.stat(path)
     own = status.st_size, status.st_mtime_ns

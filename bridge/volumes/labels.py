@@ -134,8 +134,6 @@ def load_steps(wish: store.Wish, file: LabelFile, volume):
 
     Parameters
     ----------
-    wish : store.Wish
-    file : LabelFile
     volume : Volume
         A raw label file is read with its shape.
 
@@ -179,7 +177,6 @@ def listed_steps(file: LabelFile, volume, wish: store.Wish | None = None):
 
     Parameters
     ----------
-    file : LabelFile
     volume : Volume
     wish : store.Wish or None
         None for an object that is not there yet: the map is then not stored.

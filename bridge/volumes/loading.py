@@ -10,17 +10,12 @@ VOXELS = 0.7  # share of a channel's time until its voxels are read; the rest is
 
 
 def key_of(owner, depsgraph=None, ahead: int = 0) -> tuple:
-    """What decides which files are read for a volume object.
+    """What decides which files are read for a volume object; RleSplatError if a file of voxels is missing.
 
     Parameters
     ----------
     ahead : int
         Frames of the timeline after that time.
-
-    Raises
-    ------
-    RleSplatError
-        If a file of voxels is missing.
     """
     wanted = [owner, *channels.sources_of(owner, depsgraph)]
     keys = tuple(volumes.source_of(one, shown_frame(one, depsgraph, ahead)).key for one in wanted)

@@ -14,7 +14,7 @@ from ...rle_splat.read.beside import find_segmentations_steps
 from ...rle_splat.read.formats import write_steps
 from ...rle_splat.runtime.steps import announce, rescale
 from ...rle_splat.scene import RleSplatError
-from ...rle_splat.segment import body as segment
+from ...rle_splat.segment import body
 from ...rle_splat.segment.label_map import BACKGROUND, empty_map, free_number, put_segment, value_steps
 from ...rle_splat.volume.volume import NamedLabel, Volume
 from ..look import transfer
@@ -27,13 +27,7 @@ from .source_paths import resolved_path
 SUFFIX = ".nii.gz"
 LOADED, MADE = 0.2, 0.8  # shares of the time until the map is read and changed
 WRITTEN = 0.75  # share of the rest until it is written
-BACKGROUND_NAME, BODY, BODY_NUMBER = "Background", "Body", 1
-SAMPLES = 1 << 20  # voxels that are looked at
-# Share of the voxels shown that lie beside the body from which on these are hidden.  A head holder has 0.16, the tables
-# of two chests 0.02 and 0.30, what is around a heart that was cut out of its scan 0.007.
-LEAST_BESIDE = 0.015
 NAMED = 3  # files whose names a message lists
-LEAST_SHOWN = 0.01  # opacity
 VISIBLE = 0.02  # share of the transfer function's largest opacity from which on a value counts as visible
 VALUES = 4096  # of the volume's range, at which the transfer function is looked up
 
@@ -100,8 +94,7 @@ def change_steps(owner, volume: Volume, make_mask, number: int | None = None, na
         mask = yield from rescale(make_mask(before, shown), LOADED, MADE)
         chosen = free_number(before) if number is None else number
         after = put_segment(before, chosen, mask, over_others)
-        named = {BACKGROUND: NamedLabel(BACKGROUND, BACKGROUND_NAME), **{one.label: one for one in before.named_labels}}
-        named |= {one.label: one for one in names}
+        named = {one.label: one for one in (body.NAMES[BACKGROUND], *before.named_labels, *names)}
         if number is None:
             named[chosen] = NamedLabel(chosen, name)
         return (yield from rescale(_written_steps(after, tuple(named.values()), path, chosen), MADE, 1.0))
@@ -110,30 +103,12 @@ def change_steps(owner, volume: Volume, make_mask, number: int | None = None, na
 
 
 def body_steps(volume: Volume, transfer_function, name: str):
-    """Generator of Progress: the body as the only segment, if the transfer function shows much that is not the body.
-
-    Parameters
-    ----------
-    volume : Volume
-    transfer_function : TransferFunction
-        What is shown first.
-    name : str
-        Of the volume, for the file.
-
-    Returns
-    -------
-    MadeSegment or None
-        None if no body was found, or hardly anything else is shown.
-    """
-    try:
-        body = yield from rescale(segment.body_steps(volume), 0.0, MADE)
-    except RleSplatError:
+    """Generator of Progress: the body as the only segment, where ``hide_table`` hides what lies beside it, as a
+    MadeSegment; else None. ``name``: of the volume."""
+    found = yield from rescale(body.hide_table_steps(volume, transfer_function), 0.0, MADE)
+    if found is None:
         return None
-    if _share_beside(volume, transfer_function, body) < LEAST_BESIDE:
-        return None
-    after = put_segment(empty_map(volume), BODY_NUMBER, body)
-    named = NamedLabel(BACKGROUND, BACKGROUND_NAME), NamedLabel(BODY_NUMBER, BODY)
-    return (yield from rescale(_written_steps(after, named, _free_path(name), BODY_NUMBER), MADE, 1.0))
+    return (yield from rescale(_written_steps(found.volume, body.NAMES, _free_path(name), body.BODY), MADE, 1.0))
 
 
 def beside_steps(path: str, volume: Volume):
@@ -143,7 +118,6 @@ def beside_steps(path: str, volume: Volume):
     ----------
     path : str
         Of the scan.
-    volume : Volume
 
     Returns
     -------
@@ -166,14 +140,6 @@ def beside_steps(path: str, volume: Volume):
     return MadeSegment(file.path, listed, None), ""
 
 
-def _share_beside(volume: Volume, transfer_function, body: np.ndarray) -> float:
-    """The share of the voxels that a transfer function shows that lie beside the body, from every few voxels."""
-    step = max(1, round((volume.voxels.size / SAMPLES) ** (1.0 / 3.0)))
-    every = (slice(None, None, step),) * 3
-    shown = transfer_function.alpha_at(volume.physical(volume.voxels[every])) > LEAST_SHOWN
-    return np.count_nonzero(shown & ~body[every]) / max(np.count_nonzero(shown), 1)
-
-
 def _written_steps(labels_after: Volume, named: tuple, path: str, number: int):
     """Generator of Progress: write a label map with the names of its segments, as a MadeSegment."""
     after = replace(labels_after, named_labels=named, remarks=())
@@ -189,8 +155,6 @@ def show(owner, volume: Volume, made: MadeSegment, hide: str = "") -> None:
     Parameters
     ----------
     owner : bpy.types.Object
-    volume : Volume
-    made : MadeSegment
     hide : {"", "BACKGROUND", "OTHERS"}
         What is hidden: nothing more, what is in no segment, or all but the segment.
     """

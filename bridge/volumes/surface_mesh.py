@@ -62,17 +62,12 @@ def _normals(points: np.ndarray, quads: np.ndarray) -> np.ndarray:
 
 
 def add_surface(context, owner, surface: tuple, matrix: np.ndarray):
-    """Add a surface to the scene, as a child of its volume.
+    """Add a surface as a child of its volume: a smooth mesh object whose material shows its color attribute.
 
     Parameters
     ----------
     matrix : ndarray, shape (4, 4)
         Voxel indices to the space of the volume object.
-
-    Returns
-    -------
-    bpy.types.Object
-        The mesh object, smooth, with a material that shows its color attribute.
     """
     points, quads, colors = surface
     name = f"{owner.name[:LONGEST_NAME]} Surface"

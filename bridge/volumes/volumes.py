@@ -80,17 +80,12 @@ def hash_of(volume) -> str:
 
 
 def source_of(owner, frame: int) -> VolumeSource:
-    """Where the voxels of a volume object are.
+    """Where the voxels of a volume object are; RleSplatError if the object is no volume, or its file is missing.
 
     Parameters
     ----------
     frame : int
         Which of the volumes in time, from 1.
-
-    Raises
-    ------
-    RleSplatError
-        If the object is no volume, or its file is missing.
     """
     properties = owner.rle_splat
     if not properties.is_volume:

@@ -13,7 +13,6 @@ class Clipping:
     Parameters
     ----------
     clips : sequence of Clip
-    rays : WorldRays
     """
 
     def __init__(self, clips, rays: WorldRays):

@@ -11,12 +11,7 @@ HARDEST_EDGE = 1e-4  # of a spot's cone, in cosines
 
 
 class ReferenceLamps:
-    """What shines in a scene, before anything blocks it.
-
-    Parameters
-    ----------
-    scene : Scene
-    """
+    """What shines in a scene, before anything blocks it."""
 
     def __init__(self, scene: Scene):
         self._scene = scene

@@ -19,7 +19,7 @@ import numpy as np
 
 from ..scene import Scene
 from .lamps import ReferenceLamps, unit
-from .light_normals import NormalField, automatic_sigma, smoothstep
+from .light_normals import LEAST, NormalField, automatic_sigma, smoothstep
 from .light_transport import Tracer
 from .medium import ScalarField, corner_indices, cubics, polynomial
 from .transfer import mean_extinction, opacity_unit_distance
@@ -32,6 +32,7 @@ RAMP = 0.2  # n.l from which a highlight is whole: it must not end in an edge wh
 TURNED = 0.4  # cosine between a two-sided surface's normal and the eye from which it is wholly turned to the eye
 FARTHEST = 3.0  # of x', in widths of a voxel along the normal, before
 FURTHER = 9.0 / 8.0
+FACING = 0.25  # m.l, up and down, over which the point beside a voxel goes over to the lamp's side
 FACE = 1.0, 2.0  # widths of a voxel from a face at which its normal begins to fade and is gone
 SIDE = 0.5  # balance of the distances to both transparent sides from which m wholly points to the nearer one
 ALMOST_NONE = 1e-6  # |m| below which there is no direction
@@ -109,16 +110,14 @@ def find_sides(opacity, values) -> tuple[np.ndarray, np.ndarray]:
 class PostLight:
     """Light at points of a scene.
 
+    Voxels are looked at when first needed, and kept: T and O take most of the time.
+
     Parameters
     ----------
     scene : Scene
         With a transfer function that shades.
     world_distance : float
         World length of the opacity unit distance.
-
-    Notes
-    -----
-    Voxels are looked at when first needed, and kept: T and O take most of the time.
     """
 
     def __init__(self, scene: Scene, world_distance: float):
@@ -158,7 +157,8 @@ class PostLight:
     def _find_planes(self, z, y, x):
         m, beside = self.surfaces(z, y, x)
         casting = [self._scene.lights[number] for number in self._casting]
-        found = [*m.T, *(self._tracer.towards(light, beside) for light in casting)]
+        index = np.stack((x, y, z), axis=1).astype(np.float64)
+        found = [*m.T, *(self._tracer.towards(one, self._lamp_side(one, index, m, beside)) for one in casting)]
         if self._indirect:
             found += [self._tracer.scattered(light, beside) for light in casting]
         if self._opened:
@@ -178,6 +178,19 @@ class PostLight:
         shares = [np.divide(weight, total, out=np.zeros_like(total), where=total > 0.0) for weight in weights]
         shares[0] = np.where(total > 0.0, shares[0], 1.0)
         return tuple(sum(share[:, None] * each for share, each in zip(shares, both)) for both in zip(*found))
+
+    def _lamp_side(self, light, index, m, beside) -> np.ndarray:
+        """(N, 3) points of a lamp: ``beside`` where m faces it, else towards it."""
+        world = np.einsum("ni,ji->nj", index, self._matrix[:3, :3]) + self._matrix[:3, 3]
+        is_sun = light.type == "SUN"
+        away = np.broadcast_to(light.matrix_world[:3, 2], m.shape) if is_sun else light.matrix_world[:3, 3] - world
+        direction = unit(away)
+        reach = FURTHER * FARTHEST * voxel_width(direction, self._matrix)
+        reach = reach if is_sun else np.minimum(reach, np.linalg.norm(away, axis=1))
+        towards = index + np.einsum("ni,ji->nj", reach[:, None] * direction, self._from_world)
+        t = 1.0 - _dot(m, m) * smoothstep(-FACING, FACING, _dot(m, direction))
+        t *= smoothstep(0.0, LEAST**2, _dot(m, m))  # flat values keep their own shade
+        return (1.0 - t) * beside + t * towards
 
     def _shown_around(self, volume, function, z, y, x):
         """(N,) mean extinction over the values from the smallest to the largest of the 27 voxels around."""
@@ -309,7 +322,6 @@ class LitField(ScalarField):
     ----------
     values, transfer_function, world_distance, physical, further
         As ``ScalarField`` takes them.
-    light : PostLight
     """
 
     is_lit = True

@@ -22,6 +22,7 @@ FLOAT_STEPS = 256.0
 # Gradients that are E long have the trust .02, gradients from 13 E on the trust 1 (16-bit scans: .6 stored values per
 # voxel after smoothing by one voxel).
 NOISE = 40.0
+LEAST = 0.04  # of R: what |N| lacks of it is added along x, so that the middle of a wall differs from what is flat
 BRICK = 16  # voxels along a side of what is computed at once
 MOST_BRICKS = 1024  # are kept, of 131 KB each
 
@@ -118,6 +119,9 @@ def box_mean(values: np.ndarray) -> np.ndarray:
 def normals_of(voxels: np.ndarray, affine, sigma: float) -> tuple[np.ndarray, np.ndarray]:
     """Vectors m and lengths of gradients of all voxels of an array.
 
+    A gradient is a covector.  The differences along the voxel axes are transformed by the inverse transpose of the
+    affine's directions.
+
     Parameters
     ----------
     voxels : (nz, ny, nx)
@@ -133,11 +137,6 @@ def normals_of(voxels: np.ndarray, affine, sigma: float) -> tuple[np.ndarray, np
         m, along the axes of the volume's own space.
     slope : (nz, ny, nx) float64
         |N|, stored values per mm.
-
-    Notes
-    -----
-    A gradient is a covector.  The differences along the voxel axes are transformed by the inverse transpose of the
-    affine's directions.
     """
     spacing = spacing_of(affine)
     values = voxels.astype(np.float64)
@@ -149,7 +148,9 @@ def normals_of(voxels: np.ndarray, affine, sigma: float) -> tuple[np.ndarray, np
     if voxels.dtype.kind == "f":
         step = FLOAT_STEPS * float(np.finfo(np.float32).eps) * np.abs(np.nan_to_num(smoothed))
     squared = (gradient**2).sum(axis=-1)
-    scale = np.sqrt(box_mean(squared) + (NOISE * noise_of_gradient(sigma, spacing) * step) ** 2)[..., None]
+    mean = box_mean(squared)
+    gradient[..., 0] += np.maximum(LEAST * np.sqrt(mean) - np.sqrt(squared), 0.0)
+    scale = np.sqrt(mean + (NOISE * noise_of_gradient(sigma, spacing) * step) ** 2)[..., None]
     vector = np.divide(gradient, scale, out=np.zeros_like(gradient), where=scale > 0.0)
     vector /= np.maximum(np.linalg.norm(vector, axis=-1, keepdims=True), 1.0)
     return np.where(np.isfinite(values)[..., None], vector, 0.0), np.sqrt(squared)

@@ -38,7 +38,6 @@ class Tracer:
 
     Parameters
     ----------
-    scene : Scene
     world_distance : float
         World length of the opacity unit distance.
     """
@@ -61,8 +60,6 @@ class Tracer:
     def towards(self, light: Light, index: np.ndarray) -> np.ndarray:
         """(N,) share of a light that arrives at (N, 3) positions.
 
-        Notes
-        -----
         A light that is not a point is the mean over POINTS of its disk: a sun's angle, a lamp's sphere as seen from
         the middle of the volume, or the points of an area.  The renderer has the same where it traces light, else up
         to 8 (``shade.light_samples``).

@@ -56,8 +56,6 @@ class ReferenceLight:
 
     Arguments called ``indices`` are index arrays (z, y, x) that broadcast to any shape.
 
-    Notes
-    -----
     light = ambient + diffuse world + sum diffuse |n.l| I and highlight = sum specular |n.h|^shininess I over the
     lights; 1 and 0 where there is no normal.  For Phong's highlight, |n.h| is replaced by the cosine between the eye
     and the direction of the light mirrored at the surface.  With one-sided shading a light counts where the surface

@@ -60,12 +60,9 @@ def display_encoded(rgba, background=(0.0, 0.0, 0.0)) -> np.ndarray:
     return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1.0 / 2.4) - 0.055)
 
 
-def ssim(image, reference, background=(0.0, 0.0, 0.0)) -> float:
-    """Mean structural similarity of two premultiplied scene-linear pictures (H, W, 4), as a display shows them.
-
-    1 for equal pictures.
-    """
-    return float(ssim_map(display_encoded(image, background), display_encoded(reference, background)).mean())
+def ssim(image, reference) -> float:
+    """Mean structural similarity of two premultiplied scene-linear pictures (H, W, 4), as shown over black."""
+    return float(ssim_map(display_encoded(image), display_encoded(reference)).mean())
 
 
 def ssim_map(image, reference) -> np.ndarray:

@@ -136,16 +136,14 @@ def _summary(errors: np.ndarray, tolerance: float) -> dict:
 def share_above(failed: int, count: int) -> float:
     """The largest fraction of pixels that exceeds a tolerance, at 95 % confidence.
 
+    The rule of three where no probe failed, else the share at which the binomial sum falls to 5 %.  Both hold for
+    probes drawn from the cells of a grid too: for a given mean over the cells, the probability that all probes pass is
+    largest when all cells are alike.
+
     Parameters
     ----------
     failed, count : int
         ``failed`` of ``count`` random probes exceed it.
-
-    Notes
-    -----
-    The rule of three where no probe failed, else the share at which the binomial sum falls to 5 %.  Both hold for
-    probes drawn from the cells of a grid too: for a given mean over the cells, the probability that all probes pass is
-    largest when all cells are alike.
     """
     if count == 0 or failed >= count:
         return 1.0

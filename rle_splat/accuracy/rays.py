@@ -59,17 +59,15 @@ def rigid(matrix_world) -> np.ndarray:
 def camera_rays(camera: Camera, width: int, height: int, columns=None, rows=None) -> WorldRays:
     """Rays of a camera through pixel positions.
 
+    Blender's rules: the sensor fits the wider side of the image *with* its pixel aspect (AUTO), or the named side.
+    That side's size in pixels is the unit of the lens shift.  AUTO always uses the sensor's width.
+
     Parameters
     ----------
     width, height : int
         Of the picture, in pixels.
     columns, rows : (N,) float, optional
         From the left and the top, pixel centers at + 0.5; all pixel centers by default.
-
-    Notes
-    -----
-    Blender's rules: the sensor fits the wider side of the image *with* its pixel aspect (AUTO), or the named side.
-    That side's size in pixels is the unit of the lens shift.  AUTO always uses the sensor's width.
     """
     if columns is None:
         columns, rows = pixel_centers(width, height)

@@ -72,8 +72,6 @@ def extinction(transfer_function, values, world_distance: float) -> np.ndarray:
 def mean_extinction(transfer_function, low, high, world_distance: float) -> np.ndarray:
     """Mean extinction over all values from ``low`` to ``high`` (N,), physical; 0 where they are NaN.
 
-    Notes
-    -----
     Between two points the opacity a is linear, and the integral of -log(1 - a) is (1 - a) log(1 - a) + a.
     """
     points = sorted(transfer_function.opacity, key=lambda point: point[0])

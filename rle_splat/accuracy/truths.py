@@ -54,6 +54,9 @@ def truth(scene: Scene, truth_name: str = "T1", colors=None, pixels=None, far=np
           light=None):  # fmt: skip
     """Integrate a truth of a scene along the rays of its pixels.
 
+    Voxels are looked up next to the rays only.  So ``colors`` may be any object that gives such values for index
+    arrays (z, y, x).
+
     Parameters
     ----------
     truth_name : str
@@ -75,11 +78,6 @@ def truth(scene: Scene, truth_name: str = "T1", colors=None, pixels=None, far=np
         Premultiplied, scene-linear.
     depth : (N,) float64
         Planar depth of transmittance one half; 1e10 where there is none.
-
-    Notes
-    -----
-    Voxels are looked up next to the rays only.  So ``colors`` may be any object that gives such values for index
-    arrays (z, y, x).
     """
     medium = medium_of(scene, truth_name, colors, light)
     columns, rows = pixel_centers(scene.width, scene.height) if pixels is None else pixels

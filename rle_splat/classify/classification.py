@@ -37,7 +37,6 @@ class ClassifiedVolume:
 
     Attributes
     ----------
-    voxels : VisibleVoxels
     properties : (n, 5) ndarray of float32
         Optical properties: extinction in 1 / world length, opacity (alpha per ``opacity_distance``), and unassociated,
         unshaded scene-linear red, green, blue. With ``by_value`` one row per bit pattern of a stored value, else one
@@ -147,23 +146,16 @@ class ClassifiedVolume:
 
 
 def unit_length(volume, index_to_world) -> float:
-    """World length of one of the volume's units.
+    """World length of one of the volume's units; RleSplatError if a matrix flattens the volume.
+
+    This is the cube root of the ratio of the two matrices' determinants. Scaling an object therefore thins the medium,
+    and the picture of an evenly scaled volume keeps its opacity; under an uneven scale the geometric mean of the three
+    axes counts.
 
     Parameters
     ----------
     volume : Volume
     index_to_world : (4, 4) ndarray of float64
-
-    Raises
-    ------
-    RleSplatError
-        If a matrix flattens the volume.
-
-    Notes
-    -----
-    This is the cube root of the ratio of the two matrices' determinants. Scaling an object therefore thins the medium,
-    and the picture of an evenly scaled volume keeps its opacity; under an uneven scale the geometric mean of the three
-    axes counts.
     """
     return _unit_length(volume.affine.tobytes(), index_to_world.tobytes())
 
@@ -228,16 +220,14 @@ def classify(volume, tf, index_to_world, *, threads: int = 0) -> ClassifiedVolum
 def classify_voxels(shown: Visibility, voxels: VisibleVoxels, length: float, *, threads: int = 0) -> ClassifiedVolume:
     """Optical properties of visible voxels.
 
+    Extinction is -log(1 - alpha) per opacity unit distance. A gradient opacity multiplies the extinction.
+
     Parameters
     ----------
     length : float
         World length of one of the volume's units.
     threads : int
         0 for one per core.
-
-    Notes
-    -----
-    Extinction is -log(1 - alpha) per opacity unit distance. A gradient opacity multiplies the extinction.
     """
     volume, tf = shown.volume, shown.tf
     distance = opacity_distance(volume, tf, length)

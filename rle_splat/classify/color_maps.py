@@ -22,7 +22,7 @@ NO_OPACITY_REMARK = f"A color map has no opacities; a ramp from 0 to {MOST_OPAQU
 
 
 def read_niivue(mapping: dict, name: str, what: str) -> list[FileFunction]:
-    """Read a color map of niivue.
+    """Read a color map of niivue; RleSplatError if a list is missing, of another length or out of range.
 
     Parameters
     ----------
@@ -37,11 +37,6 @@ def read_niivue(mapping: dict, name: str, what: str) -> list[FileFunction]:
     -------
     list of FileFunction
         Of one; its unit is RELATIVE without ``min`` and ``max``.
-
-    Raises
-    ------
-    RleSplatError
-        If a list is missing, of another length or out of range.
     """
     red = _levels(mapping, "R", what)
     count = len(red)
@@ -83,11 +78,10 @@ def _levels(mapping: dict, key: str, what: str, default=None) -> list[float]:
 
 
 def read_rows(lines: list[str], name: str, what: str) -> list[FileFunction]:
-    """Read a color map of FSL.
+    """Read a color map of FSL; RleSplatError if a line is not three numbers from 0 to 1.
 
     Parameters
     ----------
-    lines : list of str
     name : str
         Of the transfer function.
     what : str
@@ -97,11 +91,6 @@ def read_rows(lines: list[str], name: str, what: str) -> list[FileFunction]:
     -------
     list of FileFunction
         Of one, whose unit is RELATIVE.
-
-    Raises
-    ------
-    RleSplatError
-        If a line is not three numbers from 0 to 1.
     """
     colors = []
     for i, line in enumerate(lines, start=1):

@@ -156,14 +156,12 @@ def _measure_shown_share(function: TransferFunction, spread: Histogram) -> float
 def otsu_threshold(spread: Histogram) -> float:
     """Otsu's threshold: the value that divides the voxels into two classes with the largest variance between them.
 
+    N. Otsu, A threshold selection method from gray-level histograms, 1979.
+
     Returns
     -------
     float
         Physical value. If a gap makes several values equally good, the middle of the gap.
-
-    Notes
-    -----
-    N. Otsu, A threshold selection method from gray-level histograms, 1979.
     """
     weights = spread.counts / spread.counts.sum()
     lower = np.cumsum(weights)[:-1]

@@ -36,18 +36,13 @@ class FileFunction:
 
 
 def number(value, what: str) -> float:
-    """A finite float from a text or a JSON number.
+    """A finite float from a text or a JSON number; RleSplatError for anything else.
 
     Parameters
     ----------
     value : object
     what : str
         Names it in messages.
-
-    Raises
-    ------
-    RleSplatError
-        For anything else.
     """
     found = math.nan if isinstance(value, bool) else as_float(value)
     if not math.isfinite(found):

@@ -10,7 +10,11 @@ curvature H a Gaussian of s voxels makes of the indicator 1/2 - H s / sqrt(2 pi)
 G * G is a Gaussian of sqrt(2) s, and with NARROW = sqrt(2) / (sqrt(2) - 1) the two errors cancel.  Measured on spheres
 and tori whose voxels are labeled by their centers (``tests/truths/test_label_boundaries.py``): more than 99 % of a
 boundary are within 0.25 voxels of where it belongs, where voxels as they are leave 82 %.  What is thin would vanish, so
-a voxel always keeps its own function, by LEAD at least.
+a voxel always keeps its own function, and the differences of the others from it.
+
+Two organs side by side would have a groove in their surface: each has a quarter where they meet and what is around them
+a half.  So all bodies together are weighed against all that is outside of them: the largest indicator of each of the
+two groups is raised to the group's sum, and the others in proportion.
 
 Each voxel has the number of its function, bits that say where others are near, and how far its own function leads
 before the strongest other.  In a cell of two functions the interpolated leads decide; where more meet, voxels at a
@@ -33,7 +37,8 @@ REACH = 2 * RADIUS  # voxels that matter to a smoothed indicator
 HALO = REACH + 1  # and to its slope
 CACHED = 1 << 17  # voxels that are smoothed at a time, which stay in the processor's cache
 AT_ONCE = 1 << 23  # voxels of a piece: thick enough that its halo costs little
-LEAD = 0.1  # of a voxel's own function before all others; more, where little of it is left
+EVEN = 0.02  # twice the least lead of a voxel's own function before another one
+LEAD = 0.1  # where another one is stronger by as much; more, where little of its own function is left
 KINDS = 4  # functions that a voxel knows, its own among them
 # Bits of a voxel's number: the eight voxels of the cell that begins at it have several functions; more than two count
 # in this cell; the 27 voxels around it have several functions.
@@ -67,7 +72,7 @@ class LabelCells:
     kinds : (m, KINDS) ndarray of uint16
         Their own function, and others by falling weight, NO_KIND where there are no more.
     weights : (m, KINDS) ndarray of int16
-        WEIGHT_OF_ONE times each function's smoothed indicator; of other functions 0.
+        WEIGHT_OF_ONE times each function's weight, of which the largest decides; 0 where there are no more.
     slopes : (m, KINDS, 3) ndarray of int16
         SLOPE_OF_ONE times how much of each function's indicator, smoothed by G * G, more there is two voxels further
         along x, y, z; 0 where edges are not smooth.
@@ -104,15 +109,15 @@ class LabelCells:
         return np.repeat(np.arange(len(row_start) - 1) * self.shape_xyz[0], np.diff(row_start)) + column
 
 
-def cell_steps(numbers_of, count: int, shape_xyz, smooth: bool):
+def cell_steps(numbers_of, outside: np.ndarray, shape_xyz, smooth: bool):
     """Find what voxels at boundaries know.
 
     Parameters
     ----------
     numbers_of : callable
         ``numbers_of(first, last)``: (planes, ny, nx) uint16 function numbers of planes [first, last).
-    count : int
-        Of functions.
+    outside : (functions,) ndarray of bool
+        Which functions are those of what lies around the bodies that are seen.
     shape_xyz : (nx, ny, nz)
     smooth : bool
         Whether edges are smooth; else they show the voxels.
@@ -131,8 +136,10 @@ def cell_steps(numbers_of, count: int, shape_xyz, smooth: bool):
     RleSplatError
         With more functions than have numbers.
     """
-    if count >= NO_KIND:
-        raise RleSplatError(f"There are {count} labels with different looks; at most {NO_KIND - 1} are possible.")
+    if len(outside) >= NO_KIND:
+        raise RleSplatError(
+            f"There are {len(outside)} labels with different looks; at most {NO_KIND - 1} are possible."
+        )
     nx, ny, nz = shape_xyz
     numbers = np.empty((nz, ny, nx), np.uint16)
     found = []
@@ -144,7 +151,7 @@ def cell_steps(numbers_of, count: int, shape_xyz, smooth: bool):
         numbers[first:last] = planes[own]
         mixed = _mixed_cells(planes)
         numbers[first:last][mixed[own]] |= MIXED
-        found.append(_Boundary(planes, mixed, own.start, own.stop).records(smooth))
+        found.append(_Boundary(planes, mixed, outside, own.start, own.stop).records(smooth))
     rows, *columns = (np.concatenate(each) for each in zip(*found))
     row_start = np.concatenate(([0], np.cumsum(rows)))
     leads = _mark_boundaries(numbers, row_start, *columns[:3])
@@ -200,8 +207,8 @@ def _mark_boundaries(numbers, row_start, column, kinds, weights) -> np.ndarray:
 class _Boundary:
     """Voxels at boundaries in planes [first, last) of some planes of function numbers."""
 
-    def __init__(self, planes, mixed, first: int, last: int):
-        self.planes = planes
+    def __init__(self, planes, mixed, outside, first: int, last: int):
+        self.planes, self.outside = planes, outside
         beside = mixed.copy()  # a voxel that differs from one of the 26 around shares a cell with it
         for axis in range(3):
             moved = np.moveaxis(beside, axis, 0)
@@ -216,11 +223,12 @@ class _Boundary:
     def records(self, smooth: bool) -> tuple[np.ndarray, ...]:
         """Voxels of each row, and the columns of LabelCells."""
         m = len(self.own)
-        kinds = np.full((m, KINDS), NO_KIND, np.uint16)
-        weights, slopes = np.zeros((m, KINDS), np.float32), np.zeros((m, KINDS, 3), np.float32)
-        kinds[:, 0] = self.own
+        # Kinds first, since numpy is slow along short axes.
+        kinds = np.full((KINDS, m), NO_KIND, np.uint16)
+        weights, slopes = np.zeros((KINDS, m), np.float32), np.zeros((KINDS, m, 3), np.float32)
+        kinds[0] = self.own
         if smooth:
-            weights[:, 1:] = NOTHING
+            weights[1:] = NOTHING
             rest, rest_slopes = np.ones(m, np.float32), np.zeros((m, 3), np.float32)
             for number, (low, high) in self.boxes.items():
                 if number == 0:
@@ -230,19 +238,17 @@ class _Boundary:
                 rest_slopes[rows] -= slope
                 self._note(kinds, weights, slopes, rows, number, weight, slope)
             self._note(kinds, weights, slopes, np.arange(m), 0, rest, rest_slopes)
-            order = np.argsort(-weights[:, 1:], axis=1, kind="stable") + 1
-            kinds[:, 1:], weights[:, 1:] = (np.take_along_axis(each, order, axis=1) for each in (kinds, weights))
-            slopes[:, 1:] = np.take_along_axis(slopes, order[..., None], axis=1)
-            own, other = weights[:, 0], weights[:, 1]
-            weights[kinds == NO_KIND] = 0.0
-            weights[:, 0] = np.maximum(own, other + np.maximum(LEAD, other - own - LEAD))
-            slopes[kinds == NO_KIND] = 0.0
+            _weigh(kinds, weights, self.outside)
+            order = np.argsort(-weights[1:], axis=0, kind="stable") + 1
+            kinds[1:], weights[1:] = (np.take_along_axis(each, order, axis=0) for each in (kinds, weights))
+            slopes[1:] = slopes[order, np.arange(m)]
+            absent = kinds == NO_KIND
+            weights[absent], slopes[absent] = 0.0, 0.0
         else:
-            weights[:, 0] = 1.0
+            weights[0] = 1.0
         codes = np.clip(np.rint(weights * WEIGHT_OF_ONE), -32768, 32767).astype(np.int16)
-        return (
-            self.rows, self.at[2].astype(np.int32), kinds, codes, np.rint(slopes * SLOPE_OF_ONE).astype(np.int16)
-        )  # fmt: skip
+        columns = kinds, codes, np.rint(slopes * SLOPE_OF_ONE).astype(np.int16)
+        return self.rows, self.at[2].astype(np.int32), *(np.ascontiguousarray(each.swapaxes(0, 1)) for each in columns)
 
     def _indicator(self, number: int, low, high):
         """The smoothed indicator of a function and its slopes along x, y, z where it matters: rows of ``at``, (n,) and
@@ -270,10 +276,27 @@ class _Boundary:
     def _note(self, kinds, weights, slopes, rows, number: int, weight, slope) -> None:
         """Take a function into the records of ``rows``: as their own, or in place of the weakest other."""
         mine = self.own[rows] == number
-        slot = np.where(mine, 0, 1 + np.argmin(weights[rows, 1:], axis=1))
-        some = mine | (weight > weights[rows, slot])
+        slot = np.where(mine, 0, 1 + np.argmin(weights[1:, rows], axis=0))
+        some = mine | (weight > weights[slot, rows])
         rows, slot = rows[some], slot[some]
-        kinds[rows, slot], weights[rows, slot], slopes[rows, slot] = number, weight[some], slope[some]
+        kinds[slot, rows], weights[slot, rows], slopes[slot, rows] = number, weight[some], slope[some]
+
+
+def _weigh(kinds, weights, outside) -> None:
+    """Make the weights of LabelCells of smoothed indicators (KINDS, m), in place."""
+    there = kinds != NO_KIND
+    beyond = outside[np.where(there, kinds, 0)]
+    for group in (there & beyond, there & ~beyond):
+        found = np.where(group, weights, np.float32(0.0))
+        total, most = found.sum(axis=0), found.max(axis=0).clip(0.0)
+        scale = np.divide(total, most, out=np.ones_like(total), where=total > most)
+        np.multiply(weights, scale, out=weights, where=group)
+    leads = weights[0] - weights[1:]
+    leads = np.maximum(leads, np.maximum(np.minimum(EVEN - leads, LEAD), -leads - LEAD))
+    strongest = np.argmax(weights[1:], axis=0)[None]
+    own = np.take_along_axis(weights[1:], strongest, axis=0) + np.take_along_axis(leads, strongest, axis=0)
+    weights[0] = np.maximum(weights[0], own[0])
+    weights[1:] = np.where(there[1:], weights[0] - leads, NOTHING)
 
 
 def _boxes(numbers, at) -> dict:
@@ -293,13 +316,12 @@ def _blurred(values) -> np.ndarray:
     for first in range(0, len(found), step):
         part = values[first : first + step + 2 * RADIUS]
         for axis in range(3):
-            moved = np.moveaxis(part, axis, 0)
-            count = len(moved) - 2 * RADIUS
-            total = TAPS[RADIUS] * moved[RADIUS : RADIUS + count]
+            count, before = part.shape[axis] - 2 * RADIUS, (slice(None),) * axis
+            moved = [part[*before, begin : begin + count] for begin in range(2 * RADIUS + 1)]
+            part = TAPS[RADIUS] * moved[RADIUS]
             for i in range(RADIUS):  # taps are alike on both sides
-                pair = moved[i : i + count] + moved[2 * RADIUS - i :][:count]
+                pair = moved[i] + moved[2 * RADIUS - i]
                 pair *= TAPS[i]
-                total += pair
-            part = np.moveaxis(total, 0, axis)
+                part += pair
         found[first : first + step] = part
     return found

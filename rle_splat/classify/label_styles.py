@@ -21,7 +21,6 @@ class LabelStyle:
 
     Parameters
     ----------
-    label : int
     name : str
         Name for display.
     hidden : bool
@@ -98,10 +97,6 @@ def read_label_styles(path) -> tuple[LabelStyle, ...]:
     ----------
     path : str or Path
         File with a list of objects; their keys are the parameters of LabelStyle.
-
-    Returns
-    -------
-    tuple of LabelStyle
 
     Raises
     ------

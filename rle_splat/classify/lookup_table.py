@@ -95,7 +95,8 @@ def lookup_table(volume, tf, value_range, distance: float, entries: int = 0) -> 
         shown = (np.clip(positive_intervals(pieces(tf.opacity)), -LARGEST, LARGEST) - volume.intercept) / volume.slope
     least, most = (float(end) for end in value_range)
     first, last = max(float(shown.min(initial=np.inf)), least), min(float(shown.max(initial=-np.inf)), most)
-    points = _list_stored_points(volume, tf)
+    # Stored values
+    points = [(value - volume.intercept) / volume.slope for value, *_ in (*tf.opacity, *tf.color)]
     slack = ROUNDING * min(max(abs(least), abs(most)), LARGEST_SUM * max(map(abs, points)))
     if not first <= last:  # no stored value is visible
         nothing = np.zeros((2, 4), np.float32)
@@ -131,7 +132,7 @@ def lookup_table(volume, tf, value_range, distance: float, entries: int = 0) -> 
 
 
 def extinction_steps(table: LookupTable, stored, kind, infinite=()):
-    """Find the extinction of stored values.
+    """Generator of fractions done: find the extinction of stored values.
 
     Parameters
     ----------
@@ -141,11 +142,6 @@ def extinction_steps(table: LookupTable, stored, kind, infinite=()):
         Type of the stored values.
     infinite : (low, high) or ()
         Values that replace minus and plus infinity, if any.
-
-    Yields
-    ------
-    float
-        Fraction done.
 
     Returns
     -------
@@ -180,11 +176,6 @@ def _look_up(table: LookupTable, values) -> np.ndarray:
     last = len(table.entries) - 1  # the transparent entry
     entry = np.where(shown, np.clip(np.nan_to_num(entry), 0.0, last - 1.0), last)
     return table.entries[entry.astype(np.int64), 3]
-
-
-def _list_stored_points(volume, tf) -> list[float]:
-    """Stored values of all points of a function."""
-    return [(value - volume.intercept) / volume.slope for value, *_ in (*tf.opacity, *tf.color)]
 
 
 def _within_reach(points, first: float, last: float):

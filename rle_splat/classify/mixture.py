@@ -47,7 +47,6 @@ class _Part:
 
     Attributes
     ----------
-    volume : Volume
     functions : tuple of TransferFunction or None
         Function 0 is the default; None hides.
     labels : (nz, ny, nx) ndarray of integers or None
@@ -221,10 +220,8 @@ class Mixture:
 
     Parameters
     ----------
-    volume : Volume
     tf : TransferFunction
         Transfer function of ``volume``.
-    labels : Labels or None
     channels : tuple of Channel
     """
 
@@ -251,12 +248,7 @@ class Mixture:
         return hashlib.blake2b(repr((functions, labels)).encode(), digest_size=16).hexdigest()
 
     def mark_steps(self, *, threads: int = 0):
-        """Mark the visible voxels.
-
-        Yields
-        ------
-        float
-            Fraction done.
+        """Generator of fractions done: mark the visible voxels.
 
         Returns
         -------
@@ -303,12 +295,7 @@ class Mixture:
         return ClassifiedVolume(voxels, properties, False, length, distance)
 
     def reveal_steps(self, *, threads: int = 0):
-        """The volume for post-classification with labels that only hide, whose hidden values must show nowhere.
-
-        Yields
-        ------
-        float
-            Fraction done.
+        """Generator of fractions done: the volume for labels that only hide, whose hidden values must show nowhere.
 
         Returns
         -------
@@ -335,7 +322,7 @@ class Mixture:
         return replace(self.volume, voxels=voxels)
 
     def factor_steps(self, voxels: VisibleVoxels, depth, *, threads: int = 0):
-        """What labels that only hide leave of the extinction of post-classified voxels.
+        """Generator of fractions done: what labels that only hide leave of the extinction of post-classified voxels.
 
         Parameters
         ----------
@@ -345,11 +332,6 @@ class Mixture:
             Their optical depth over the smallest spacing.
         threads : int
             0 for one per core.
-
-        Yields
-        ------
-        float
-            Fraction done.
 
         Returns
         -------

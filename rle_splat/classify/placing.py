@@ -20,7 +20,6 @@ class RecordPositions:
 
     Attributes
     ----------
-    voxels : VisibleVoxels
     first_plane : int
         The planes are [``first_plane``, ``first_plane + len(data_starts)``).
     across : bool

@@ -53,14 +53,12 @@ def pieces(points) -> Pieces:
 def positive_intervals(function: Pieces) -> np.ndarray:
     """Intervals of values in which the first channel is above 0.
 
+    Only comparisons of values are used, so that rounding of the function cannot change which voxels are visible.
+
     Returns
     -------
     (k, 2) ndarray of float64
         Disjoint ascending half-open intervals [a, b).
-
-    Notes
-    -----
-    Only comparisons of values are used, so that rounding of the function cannot change which voxels are visible.
     """
     x, y = function.values, function.heights[:, 0]
     found = []

@@ -139,18 +139,13 @@ def _find_stored_ends(kind, slope: float, intercept: float, begin: float, end: f
 
 
 def relevant_steps(volume, reach: Reach, blocks: Blocks, *, threads: int = 0):
-    """Mark the voxels to keep.
+    """Generator of fractions done: mark the voxels to keep.
 
     Parameters
     ----------
     volume : Volume
     threads : int
         0 for one per core.
-
-    Yields
-    ------
-    float
-        Fraction done.
 
     Returns
     -------
@@ -205,7 +200,7 @@ def gather_kept(volume, bits, counted, blocks: Blocks, *, threads: int = 0) -> V
 
 
 def gather_steps(volume, bits, counted, blocks: Blocks, *, threads: int = 0):
-    """List the kept voxels and their stored values.
+    """Generator of fractions done: list the kept voxels and their stored values.
 
     Parameters
     ----------
@@ -216,11 +211,6 @@ def gather_steps(volume, bits, counted, blocks: Blocks, *, threads: int = 0):
         What ``count_kept`` returned for ``bits``.
     threads : int
         0 for one per core.
-
-    Yields
-    ------
-    float
-        Fraction done.
 
     Returns
     -------

@@ -23,6 +23,11 @@ SMALLEST_SPAN = 1e-290  # of values that a table is made of, so that its steps a
 def roughness(volume, transfer_function) -> float | None:
     """Measure by how much pictures of a medium change within a voxel across the view.
 
+    Deterministic: cells and directions are drawn by a generator with a fixed seed.  Neither the camera nor the volume's
+    place in the world matters.  The mean of the fourth power says more about the errors of the worst pixels in a
+    thousand than the root mean square: on the scenes of `dev.py bench plans --calibrate` the logarithms of these errors
+    scatter by 0.64 around it in place of 0.77 (the usual plan of ``standard``).
+
     Parameters
     ----------
     volume : Volume
@@ -34,13 +39,6 @@ def roughness(volume, transfer_function) -> float | None:
         The fourth root of the mean fourth power, over short rays through visible cells of voxels, of the difference of
         a ray's color and opacity from the mean of two rays half a voxel beside it, in levels of 1/255; the largest
         channel counts.  None where too few visible cells were found.
-
-    Notes
-    -----
-    Deterministic: cells and directions are drawn by a generator with a fixed seed.  Neither the camera nor the volume's
-    place in the world matters.  The mean of the fourth power says more about the errors of the worst pixels in a
-    thousand than the root mean square: on the scenes of `dev.py bench plans --calibrate` the logarithms of these errors
-    scatter by 0.64 around it in place of 0.77 (the usual plan of ``standard``).
     """
     if min(volume.shape_xyz) < 2:
         return None
@@ -85,7 +83,7 @@ class _FunctionTables:
 
         ``lengths`` (n,): between two samples, in the volume's unit.
         """
-        at = self._at(samples)
+        at = np.clip((samples - self.low) * self.rate, 0.0, ENTRIES - 1.0)  # positions in the tables
         gaps = np.diff(at, axis=1)[..., None]
         steep = np.abs(gaps) > 0.5
         means = np.diff(_table_at(self.sums, at), axis=1) / np.where(steep, gaps, 1.0)
@@ -96,10 +94,6 @@ class _FunctionTables:
         share = np.exp(own - depth) * -np.expm1(-own) / np.maximum(own, 1e-30)
         color = (thick[..., :3] * share[..., None]).sum(axis=1)
         return np.concatenate((color, -np.expm1(-depth[:, -1])[..., None]), axis=-1)
-
-    def _at(self, values) -> np.ndarray:
-        """Values as positions in the tables."""
-        return np.clip((values - self.low) * self.rate, 0.0, ENTRIES - 1.0)
 
 
 def _table_at(table, at) -> np.ndarray:

@@ -15,7 +15,7 @@ from .visible import VisibleVoxels
 
 
 def nearby_steps(volume, voxels: VisibleVoxels, infinite):
-    """Find the smallest and the largest stored value around kept voxels.
+    """Generator of fractions done: find the smallest and the largest stored value around kept voxels.
 
     Parameters
     ----------
@@ -24,11 +24,6 @@ def nearby_steps(volume, voxels: VisibleVoxels, infinite):
         Of which only the places count.
     infinite : (low, high) or ()
         Values that replace minus and plus infinity, if any.
-
-    Yields
-    ------
-    float
-        Fraction done.
 
     Returns
     -------

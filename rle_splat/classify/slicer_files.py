@@ -79,25 +79,9 @@ def read_mrml(content: bytes, what: str) -> list[FileFunction]:
 
 
 def read_vp(lines: list[str], name: str, what: str) -> list[FileFunction]:
-    """Read a volume property file.
+    """Read a volume property file, of one function; RleSplatError if a line is missing or wrong.
 
-    Parameters
-    ----------
-    lines : list of str
-    name : str
-        Of the transfer function.
-    what : str
-        Names the file in messages.
-
-    Returns
-    -------
-    list of FileFunction
-        Of one.
-
-    Raises
-    ------
-    RleSplatError
-        If a line is missing or wrong.
+    Arguments as of ``color_maps.read_rows``.
     """
     if len(lines) < len(LINES):
         raise RleSplatError(f"{what} ends after {len(lines)} lines, where a .vp file has {len(LINES)}; save it anew.")
@@ -188,7 +172,7 @@ def _gradient_opacity(points) -> tuple[GradientOpacity | None, tuple]:
 
 
 def read_vp_json(mapping: dict, name: str, what: str) -> list[FileFunction]:
-    """Read a volume property file in JSON.
+    """Read a volume property file in JSON; RleSplatError if one is incomplete or wrong.
 
     Parameters
     ----------
@@ -203,11 +187,6 @@ def read_vp_json(mapping: dict, name: str, what: str) -> list[FileFunction]:
     -------
     list of FileFunction
         One for each volume property.
-
-    Raises
-    ------
-    RleSplatError
-        If one is incomplete or wrong.
     """
     properties = _check_type(mapping.get("volumeProperties"), list, f"{what}: volumeProperties")
     if not properties:

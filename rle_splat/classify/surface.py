@@ -28,14 +28,11 @@ class Solid:
 
     Parameters
     ----------
-    volume : Volume
-    function : TransferFunction
     threshold : float
         Opacity, above 0, of the transfer function at the surface.
     kept : tuple of (bodies, is_hole)
         For each clip object its half-spaces, (n, 4) float64 plane equations in voxel indices that are at most 0 inside
         and whose values are distances in voxels, and whether what is inside all of them is cut away.
-    labels : Labels or None
     """
 
     volume: Volume

@@ -72,13 +72,6 @@ class VisibleVoxels:
 class Visibility:
     """The values of a volume that a transfer function shows.
 
-    Parameters
-    ----------
-    volume : Volume
-    tf : TransferFunction
-
-    Notes
-    -----
     8- and 16-bit volumes use a lookup table over all stored values (``by_table``), others the points themselves.
     """
 
@@ -146,7 +139,7 @@ def row_offsets(counts: np.ndarray) -> np.ndarray:
 
 
 def mark_steps(shown: Visibility, blocks: Blocks, *, threads: int = 0):
-    """Mark the visible voxels, which ``relevant.count_kept`` and ``relevant.gather_kept`` count and list.
+    """Generator of fractions done: mark the visible voxels, for ``count_kept`` and ``gather_kept`` of ``relevant``.
 
     Parameters
     ----------
@@ -154,11 +147,6 @@ def mark_steps(shown: Visibility, blocks: Blocks, *, threads: int = 0):
         Of the same volume.
     threads : int
         0 for one per core.
-
-    Yields
-    ------
-    float
-        Fraction done.
 
     Returns
     -------

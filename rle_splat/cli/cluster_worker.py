@@ -31,7 +31,6 @@ class Command:
         Of the client whose command it is, by which the scheduler knows whether it is still there.
     args : argparse.Namespace
         Its options, with absolute paths.
-    checked : Checked
     """
 
     key: str

@@ -79,13 +79,7 @@ def refuse_light_effects(args) -> None:
 
 
 def read_sky(args):
-    """Read the picture of ``--environment``, before any volume is read; None without one.
-
-    Returns
-    -------
-    tuple or None
-        What ``panorama_moments`` returns.
-    """
+    """Read the picture of ``--environment``, before any volume: what ``panorama_moments`` returns, or None."""
     if args.environment is None:
         return None
     return panorama_moments(np.maximum(read_exr(args.environment), 0.0), np.eye(3))

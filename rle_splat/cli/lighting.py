@@ -11,7 +11,7 @@ DIRECTION_TOLERANCE = 1e-6
 
 
 def check_lighting(args, lighting, lights, camera) -> None:
-    """Refuse options that ask for other lights than those of a .rle file.
+    """Refuse options that ask for other lights than those of a .rle file; RleSplatError if they differ.
 
     Parameters
     ----------
@@ -23,11 +23,6 @@ def check_lighting(args, lighting, lights, camera) -> None:
         The lights of --lights.
     camera : Camera
         The camera, for the direction of a headlight.
-
-    Raises
-    ------
-    RleSplatError
-        If they differ.
     """
     if args.no_shading and lighting.get("shaded", True):
         raise RleSplatError(f"{args.volume} was encoded with shading; remove --no-shading, or encode it again.")

@@ -127,17 +127,12 @@ def _unknown_words(unknown: list[str], args) -> str:
 
 
 def main(argv=None) -> int:
-    """Run one command line.
+    """Run one command line; return the exit code.
 
     Parameters
     ----------
     argv : list of str, optional
         The arguments; default those of the process.
-
-    Returns
-    -------
-    int
-        The exit code.
     """
     argv = list(sys.argv[1:] if argv is None else argv)
     debug = "--debug" in argv

@@ -21,18 +21,18 @@ LABEL_EDGES = ("smooth", "voxels")
 
 def add_mixing_options(parser) -> None:
     """Add the options of labels and channels."""
-    group = parser.add_argument_group("labels and channels", "further volumes on the same grid")
+    group = parser.add_argument_group("segments and channels", "further volumes of the same place")
     group.add_argument("--labels", metavar="FILE", help="a label map: a volume of whole numbers, or a folder of masks")
     group.add_argument(
         "--label-functions",
         metavar="FILE.json",
-        help="the colors and transfer functions of the labels: a list of {label, name, hidden, color, preset, "
+        help="the colors and transfer functions of the segments: a list of {label, name, hidden, color, preset, "
         "transfer_function}, or a label description of ITK-SNAP (.txt, .label); without it, the names and colors in "
         "the label file, or distinct colors if it has none",
     )
     group.add_argument(
         "--label-edges", choices=LABEL_EDGES, default=LABEL_EDGES[0], metavar="|".join(LABEL_EDGES),
-        help="smooth edges of labels (default), or voxels, which show the steps of the label map as it is",
+        help="smooth edges of segments (default), or voxels, which show the steps of the label map as it is",
     )  # fmt: skip
     group.add_argument(
         "--channel", action="append", default=[], metavar="FILE",
@@ -117,7 +117,6 @@ class Further:
 
     Attributes
     ----------
-    labels : Volume or None
     channels : tuple of Volume
     channel_sources : tuple of (str, dict)
         Path of each channel, and options of ``read_volume`` by which it is read again.

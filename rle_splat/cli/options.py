@@ -174,17 +174,12 @@ def add_effect_options(parser) -> None:
 
 
 def effects_from(args) -> dict[str, bool]:
-    """The overrides of --effect.
+    """The overrides of --effect; RleSplatError for an unknown effect or state.
 
     Returns
     -------
     dict of str to bool
         Name of an effect to its forced state; the last --effect of a name counts.
-
-    Raises
-    ------
-    RleSplatError
-        For an unknown effect or state.
     """
     from ..effects.analyze import check_overrides
 
@@ -287,8 +282,8 @@ def add_quality_options(parser) -> None:
     """Add the options of the quality, the knobs, and the machine."""
     group = parser.add_argument_group(
         "quality",
-        f"one of --quality, --paper, or single knobs; --classification may be combined with --quality and knobs "
-        f"(default {DEFAULT_CLASSIFICATION}, or pre if a knob needs it)",
+        "--quality, --paper, or single settings; --classification may be combined with --quality and settings "
+        f"(default {DEFAULT_CLASSIFICATION}, or pre if a setting needs it)",
     )
     group.add_argument("--quality", metavar="NAME", help=f"{'|'.join(QUALITY_PRESETS)} (default {DEFAULT_QUALITY})")
     group.add_argument("--paper", action="store_true", help="the algorithm exactly as published, classification pre")
@@ -303,7 +298,8 @@ def add_tolerance_options(parser) -> None:
     from ..accuracy.probes import PROBES
 
     group = parser.add_argument_group(
-        "tolerance", "instead of a quality: knobs are chosen, the error is measured, and refined if it is too large"
+        "tolerance",
+        "instead of a quality: settings are chosen, the error is measured, and finer ones follow if it is too large",
     )
     group.add_argument(
         "--tolerance", type=float, metavar="LEVELS", help="largest allowed error of any channel, in levels of 1/255"
@@ -333,7 +329,7 @@ def add_machine_options(parser) -> None:
 
 
 def quality_from(args, usual: str | None = None) -> Quality:
-    """The quality from the options.
+    """The quality from the options; RleSplatError if options contradict each other, or a value is out of range.
 
     Parameters
     ----------
@@ -341,11 +337,6 @@ def quality_from(args, usual: str | None = None) -> Quality:
         With the options of ``add_quality_options``, and of ``add_tolerance_options`` if the command has them.
     usual : str, optional
         The classification if none is given.  Without it, pre if a knob needs it, else the default.
-
-    Raises
-    ------
-    RleSplatError
-        If options contradict each other, or a value is out of range.
     """
     knobs, removed = without_removed(_list_given_knobs(args))
     machine = {"threads": args.threads, "record": knobs.pop("record", RECORDS[0])}

@@ -56,7 +56,7 @@ class ProgressLine:
         self._draw(message if fraction is None else f"{100.0 * fraction:3.0f} %  {message}")
 
     def follow(self, steps, start: float = 0.0):
-        """Run a generator of Progress to its end and show each step.
+        """Run a generator of Progress to its end and show each step; return the generator's result.
 
         Parameters
         ----------
@@ -64,11 +64,6 @@ class ProgressLine:
             Yields Progress.
         start : float
             Where its fractions begin on the line; they fill [start, 1].
-
-        Returns
-        -------
-        object
-            The generator's result.
         """
 
         def show(progress):

@@ -12,19 +12,13 @@ import numpy as np
 from ..runtime.outputs import check_outputs, write_report
 from ..runtime.whole_files import whole_files, writing
 from ..scene import Camera, Cancelled, Quality, RleSplatError, Scene, check_crop
+from ..segment.body import hide_table_steps
 from ..volume.checks import check_values
-from . import options
+from . import light_options, options
 from .appearance import choose_transfer_function, read_transfer_function
 from .dask_option import add_dask_option, check_dask
 from .frames import add_frames_option, each_frame
 from .images import writer_for
-from .light_options import (
-    add_light_effect_options,
-    check_light_effects,
-    read_sky,
-    refuse_light_effects,
-    with_light_effects,
-)
 from .lighting import check_lighting
 from .made import describe_kept, mark_of, outputs_of, write_mark
 from .mixing import add_mixing_options, mix, mixing_inputs, read_further, read_mixing
@@ -39,6 +33,7 @@ if TYPE_CHECKING:
     from ..pipeline.stage_cache import StageCache
 
 ENCODED_SUFFIX = ".rle"
+TABLE_HIDDEN = "What lies beside the body, such as a table, is hidden; --keep-table shows it."
 
 
 def add_arguments(parser) -> None:
@@ -62,8 +57,14 @@ def add_arguments(parser) -> None:
         "while the shutter is open",
     )
     options.add_clip_option(parser)
-    add_light_effect_options(parser)
+    light_options.add_light_effect_options(parser)
     add_mixing_options(parser)
+    parser.add_argument(
+        "--keep-table",
+        action="store_true",
+        help="show the table or the head holder of a CT. Without this, --labels or --transfer-function it is hidden if "
+        "at least 1.5 %% of the voxels shown lie beside the body",
+    )
     options.add_tolerance_options(parser)
     options.add_quality_options(parser)
 
@@ -93,10 +94,8 @@ class Checked:
 
     Attributes
     ----------
-    quality : Quality
     poses, mixing, sky
         The results of ``read_motion``, ``read_mixing`` and ``read_sky``.
-    crop : tuple or None
     is_encoded : bool
         Whether the volume is a .rle file.
     """
@@ -193,13 +192,15 @@ def _check(args, frames) -> Checked:
     report = [args.json] if args.json else []
     outputs = outputs_of(args) if frames[0] is args else frames.find_outputs_at_stake(report)
     check_outputs([*outputs, *report], inputs=inputs)
-    _check_background(args.background)
+    if args.background is not None and not all(np.isfinite(c) and c >= 0.0 for c in args.background):
+        numbers = " ".join(f"{c:g}" for c in args.background)
+        raise RleSplatError(f"--background is {numbers}; give three finite numbers that are not below zero.")
     check_scene_options(args)
-    check_light_effects(args)
+    light_options.check_light_effects(args)
     check_tiles(args)
     check_dask(args)
     crop = None if args.crop is None else check_crop(args.crop, *args.size)
-    poses, mixing, sky = read_motion(args.motion), read_mixing(args), read_sky(args)
+    poses, mixing, sky = read_motion(args.motion), read_mixing(args), light_options.read_sky(args)
     is_encoded = Path(args.volume).suffix.lower() == ENCODED_SUFFIX
     if is_encoded and any(mixing_inputs(args)):
         raise RleSplatError(
@@ -223,6 +224,9 @@ def prepare(args, checked: Checked, line, like: Like | None = None) -> tuple[Pre
     further = read_further(args, prepared.scene.volume, line)
     scene = mix(args, moving(prepared.scene, checked.poses), checked.mixing, further)
     remarks = (*prepared.remarks, *further.remarks)
+    if not (checked.is_encoded or args.keep_table or args.labels or args.transfer_function):
+        scene = replace(scene, labels=line.follow(hide_table_steps(scene.volume, scene.transfer_function)))
+        remarks += (TABLE_HIDDEN,) if scene.labels is not None else ()
     return replace(prepared, scene=replace(scene, crop=checked.crop), remarks=remarks), like
 
 
@@ -288,12 +292,6 @@ def picture_steps(args, prepared: PreparedScene, job: RenderJob):
     return (yield from tolerance_steps(scene, args.tolerance, quality, job.cache, **refuse, **own)), None
 
 
-def _check_background(background) -> None:
-    if background is not None and not all(np.isfinite(c) and c >= 0.0 for c in background):
-        numbers = " ".join(f"{c:g}" for c in background)
-        raise RleSplatError(f"--background is {numbers}; give three finite numbers that are not below zero.")
-
-
 def see_anew(args, checked: Checked, first: PreparedScene) -> PreparedScene:
     """The scene of the first frame, seen by the camera of another; nothing is read."""
     volume = first.scene.volume
@@ -317,7 +315,7 @@ def _prepare_voxels(args, checked: Checked, line, like: Like | None) -> tuple[Pr
         like = Like(*choose_transfer_function(args, volume, given_function), *place(args, volume, camera, matrix))
     scene = make_scene(args, volume, like.function, like.camera, like.matrix, lights, headlight)
     described = {"name": like.function.name, "reason": like.reason}
-    scene = with_light_effects(args, scene, checked.sky)
+    scene = light_options.with_light_effects(args, scene, checked.sky)
     return PreparedScene(
         scene, checked.quality, read_ms, described, options.quality_remarks(args, checked.quality)
     ), like
@@ -331,7 +329,7 @@ def _prepare_tables(args, quality) -> PreparedScene:
     camera, matrix = read_placement(args)
     given_function = read_transfer_function(args)
     lights, _ = read_lights(args)
-    refuse_light_effects(args)
+    light_options.refuse_light_effects(args)
     if options.volume_options(args):
         option = next(iter(options.volume_options(args))).replace("_", "-")
         raise RleSplatError(f"--{option} has no effect on a .rle file, which describes its own layout; remove it.")

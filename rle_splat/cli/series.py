@@ -16,7 +16,6 @@ class FrameSeries:
     ----------
     args : argparse.Namespace
         Of the command.
-    checked : Checked
     line : ProgressLine
     """
 
@@ -55,7 +54,8 @@ class FrameSeries:
     def ready(self, own) -> tuple[PreparedScene, str]:
         """Read a frame, and return it with the hash of everything that its pictures depend on."""
         if self._held is None and self._in_time and self.args.like not in (None, own.number):
-            self._settle(self._prepare(self._like_frame(own)))
+            # The options of the frame that all others are like
+            self._settle(self._prepare(type(own)(**{**vars(own), "frame": self.args.like})))
         prepared = self._prepare(own)
         if self._held is None:
             self._settle(prepared)  # and keep the quality as it is, so that its report says why
@@ -85,7 +85,3 @@ class FrameSeries:
         from ..pipeline.preset_plan import hold_plan_of
 
         self._held = hold_plan_of(prepared.scene, prepared.quality, self._cache)
-
-    def _like_frame(self, own):
-        """The options of the frame that all others are like."""
-        return type(own)(**{**vars(own), "frame": self.args.like})

@@ -47,14 +47,9 @@ def side_of_tiles(args, scene, quality) -> int | None:
 
 
 def render_tiles(args, prepared, side: int, parts, job):
-    """Generator of Progress: render a picture in tiles and write it to ``parts``, files for ``args.output``.
+    """Generator of Progress: render in tiles to ``parts``, files for ``args.output``; returns the renderer's report.
 
     ``prepared``, ``job``: a Prepared and a Job of ``render``.
-
-    Returns
-    -------
-    dict
-        The renderer's report.
     """
     from ..pipeline.tiles import render_tiles_steps
 

@@ -27,7 +27,6 @@ class ShadedScene:
 
     Attributes
     ----------
-    scene : Scene
     classified : ClassifiedVolume
         The non-transparent voxels.
     colors : (m, 3) float32

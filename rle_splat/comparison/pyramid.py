@@ -30,16 +30,14 @@ class Level:
 def build(voxels: np.ndarray, most_levels: int) -> list[Level]:
     """Build the levels of a pyramid.
 
+    A node's deviation is the largest distance of its mean to the extremes of the voxels below it.
+
     Parameters
     ----------
     voxels : (nz, ny, nx, 4) float32
         Level 0.
     most_levels : int
         Of further levels; there are fewer where one node is the whole volume.
-
-    Notes
-    -----
-    A node's deviation is the largest distance of its mean to the extremes of the voxels below it.
     """
     levels = [Level(voxels, np.zeros(voxels.shape[:3], np.float32))]
     means, least, most = voxels, voxels, voxels

@@ -39,7 +39,6 @@ class System:
 
     Attributes
     ----------
-    name, title : str
     reference : str
         The publication, with its number in the paper where the paper cites it.
     differs : str

@@ -55,8 +55,6 @@ class Effect(NamedTuple):
 
     Attributes
     ----------
-    name : str
-    on : bool
     reason : str
         Why, as words behind "on" or "off".
     by_hand : bool or None
@@ -79,12 +77,7 @@ class Effect(NamedTuple):
 
 @dataclass(frozen=True)
 class EffectSet:
-    """The state of every effect in one scene, in the order of EFFECTS.
-
-    Attributes
-    ----------
-    effects : tuple of Effect
-    """
+    """The state of every effect in one scene, in the order of EFFECTS."""
 
     effects: tuple[Effect, ...]
 
@@ -144,7 +137,7 @@ def _milliseconds(effect: Effect, clock: Clock) -> float | None:
 
 
 def check_overrides(overrides) -> dict[str, bool]:
-    """Check the overrides of a scene.
+    """Check the overrides of a scene; RleSplatError for a name that no effect has.
 
     Parameters
     ----------
@@ -154,11 +147,6 @@ def check_overrides(overrides) -> dict[str, bool]:
     Returns
     -------
     dict of str to bool
-
-    Raises
-    ------
-    RleSplatError
-        For a name that no effect has.
     """
     for name in overrides:
         if name not in EFFECTS:
@@ -199,7 +187,7 @@ def analyze_effects(scene: Scene, quality: Quality) -> tuple[EffectSet, Scene]:
         if by_hand is False:
             effect = Effect(name, False, "by hand", False)
         else:
-            left = left if by_hand is None else _with_forced_on(left, kind)
+            left = left if by_hand is None or kind.with_default is None else kind.with_default(left)
             on, reason = kind.called_for(left, quality)
             reason = reason if on else scene.reasons_off.get(name, reason)
             if by_hand and not on and not kind.may_be_idle:
@@ -218,7 +206,3 @@ def _without_forced_off(scene: Scene, overrides: dict) -> Scene:
     for name, by_hand in overrides.items():
         scene = EFFECTS[name].without(scene) if by_hand is False else scene
     return scene
-
-
-def _with_forced_on(scene: Scene, kind: Kind) -> Scene:
-    return scene if kind.with_default is None else kind.with_default(scene)

@@ -15,14 +15,9 @@ from .ray_pass import RayEffect, RayPass
 
 
 def find_volume_depths(scene: Scene, view: IndexView, quality: Quality) -> tuple[float, float]:
-    """Planar depths between which all slabs lie, with half a voxel to spare.
+    """The nearest and furthest planar depth of all slabs, with half a voxel to spare, in world units.
 
     An end outside of these depths shortens no ray, so that the picture has the same bits with and without it.
-
-    Returns
-    -------
-    (nearest, furthest)
-        Along the camera's axis, in world units.
     """
     return view.box_depths(scene.volume.shape_xyz, np.ceil(FOOTPRINTS[quality.kernel].radius) + 0.5)
 
@@ -42,7 +37,6 @@ class CameraClip(RayEffect):
     Parameters
     ----------
     camera : Camera
-    quality : Quality
     cuts : bool
         Whether a clip plane cuts the volume; else only meshes end rays.
     """

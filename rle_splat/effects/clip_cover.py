@@ -9,18 +9,12 @@ AT_ONCE = 1 << 16  # voxels looked at together, between two chances to cancel, 1
 
 
 def cover_steps(clips: tuple[Clip, ...], voxels: VisibleVoxels, matrix):
-    """Find the share of each voxel that all clip objects keep.
+    """Generator of fractions done: find the share of each voxel that all clip objects keep.
 
     Parameters
     ----------
-    clips : tuple of Clip
     matrix : (4, 4) ndarray of float64
         Voxel index (x, y, z) to world.
-
-    Yields
-    ------
-    float
-        Fraction done.
 
     Returns
     -------

@@ -20,13 +20,7 @@ TOUCHING = 1e-5
 
 
 def cuts_of(scene: Scene, quality: Quality) -> Cuts | None:
-    """The cuts that a scene's clip objects make in its volume.
-
-    Returns
-    -------
-    Cuts or None
-        In voxel indices; None where nothing is cut.
-    """
+    """The cuts that a scene's clip objects make in its volume, in voxel indices; None where nothing is cut."""
     cutting = [(clip, sides) for clip, sides in _cutting(scene, quality) if len(sides)]
     if not cutting:
         return None
@@ -37,13 +31,7 @@ def cuts_of(scene: Scene, quality: Quality) -> Cuts | None:
 
 
 class ClipBodies(RayEffect):
-    """Cuts out of rays what the scene's clip objects cut away.
-
-    Parameters
-    ----------
-    cuts : Cuts
-    quality : Quality
-    """
+    """Cuts out of rays what the scene's clip objects cut away."""
 
     stage = "clip objects"
     nothing_left = NOTHING_LEFT

@@ -61,6 +61,8 @@ class DepthLayers:
 def depth_layers_steps(samples: np.ndarray, step: float, first_pixel=(0, 0), *, threads: int = 0):
     """Generator of fractions done: make the layers of a picture or of a part of it, in bands of rows.
 
+    Within HALO pixels of a border that is not the picture's own, layers differ from those of the whole picture.
+
     Parameters
     ----------
     samples : (H, W, S) ndarray of float32
@@ -75,10 +77,6 @@ def depth_layers_steps(samples: np.ndarray, step: float, first_pixel=(0, 0), *, 
     Returns
     -------
     DepthLayers
-
-    Notes
-    -----
-    Within HALO pixels of a border that is not the picture's own, layers differ from those of the whole picture.
     """
     rows, width = samples.shape[:2]
     layers = np.empty((3, rows, width), np.float32)  # near, far, coverage

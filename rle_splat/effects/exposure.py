@@ -44,15 +44,8 @@ BLURS = (
 
 
 def list_exposures(scene: Scene) -> list[Scene]:
-    """The sharp, still scenes whose mean is the scene's picture.
+    """The sharp, still scenes whose mean is the scene's picture; the scene alone if nothing is blurred.
 
-    Returns
-    -------
-    list of Scene
-        The scene alone if nothing is blurred.
-
-    Notes
-    -----
     Every point of the lens has its own time, both evenly spread, so that one set of pictures blurs both.
     """
     count = max(blur.pictures(scene) for blur in BLURS)
@@ -73,7 +66,7 @@ def list_exposures(scene: Scene) -> list[Scene]:
 
 
 def exposure_steps(scene: Scene, scenes: list[Scene], sharp_steps):
-    """Render the mean of the pictures of some scenes.
+    """Generator of Progress: render the mean of the pictures of some scenes.
 
     Parameters
     ----------
@@ -83,10 +76,6 @@ def exposure_steps(scene: Scene, scenes: list[Scene], sharp_steps):
         Its ``list_exposures``.
     sharp_steps : callable
         ``sharp_steps(scene)``: generator of Progress, returns the Rendering of a sharp scene.
-
-    Yields
-    ------
-    Progress
 
     Returns
     -------

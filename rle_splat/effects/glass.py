@@ -101,8 +101,6 @@ class Glass(RayEffect):
     ----------
     scene : Scene
         With panes.
-    view : IndexView
-    quality : Quality
     """
 
     stage, shortens_rays, moves_depth = "glass", False, False

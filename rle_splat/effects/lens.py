@@ -27,6 +27,8 @@ FEWEST_POINTS = 4
 def lens_points(count: int, blades: int = 0, rotation: float = 0.0, ratio: float = 1.0, times=None) -> np.ndarray:
     """Points spread evenly over an aperture of radius 1, with its mean and second moments.
 
+    The points lie on the spiral of golden angles (Vogel 1979).
+
     Parameters
     ----------
     count : int
@@ -44,10 +46,6 @@ def lens_points(count: int, blades: int = 0, rotation: float = 0.0, ratio: float
     -------
     (count, 2) ndarray of float64
         To the right and up.
-
-    Notes
-    -----
-    The points lie on the spiral of golden angles (Vogel 1979).
     """
     number = np.arange(count)
     radius, angle = np.sqrt((number + 0.5) / count), GOLDEN_ANGLE * number
@@ -129,13 +127,7 @@ def blur_pixels(camera: Camera, width: int, height: int, depth: float) -> float:
 
 
 def widest_blur(scene: Scene) -> float:
-    """The widest blur of any point in the volume's box.
-
-    Returns
-    -------
-    float
-        Diameter in pixels; 0 without a lens.
-    """
+    """The widest blur of any point in the volume's box, a diameter in pixels; 0 without a lens."""
     camera = scene.camera
     if camera.aperture_radius == 0.0:
         return 0.0
@@ -146,13 +138,7 @@ def widest_blur(scene: Scene) -> float:
 
 
 def lens_pictures(scene: Scene) -> int:
-    """The number of lens points that a picture needs.
-
-    Returns
-    -------
-    int
-        1 for a sharp picture.
-    """
+    """The number of lens points that a picture needs; 1 for a sharp one."""
     blur = widest_blur(scene)
     if blur <= SHARP:
         return 1

@@ -23,13 +23,7 @@ def _unlit_because(scene: Scene) -> str | None:
 
 
 def idle_because(scene: Scene) -> str | None:
-    """Why an effect that belongs to shading is off.
-
-    Returns
-    -------
-    str or None
-        The reason, as words behind "off"; None where the scene is shaded.
-    """
+    """Why an effect that belongs to shading is off, as words behind "off"; None where the scene is shaded."""
     reason = _unlit_because(scene)
     return reason if reason in (None, BAKED) else "nothing is shaded"
 

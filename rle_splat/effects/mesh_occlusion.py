@@ -23,14 +23,7 @@ BEHIND = "no mesh is in or in front of the volume"
 
 
 class MeshSurfaces(RayEffect):
-    """Ends rays at meshes; what is seen past silhouettes is drawn in a second pass.
-
-    Parameters
-    ----------
-    scene : Scene
-    view : IndexView
-    quality : Quality
-    """
+    """Ends rays at meshes; what is seen past silhouettes is drawn in a second pass."""
 
     name, stage = "mesh occlusion", "occlusion"
 
@@ -80,10 +73,6 @@ class MeshSurfaces(RayEffect):
 
 def mesh_layers_steps(scene: Scene, view: IndexView, quality: Quality, planes: list[BasePlane]):
     """Generator of fractions done: the depth layers of a scene's meshes.
-
-    Parameters
-    ----------
-    planes : list of BasePlane
 
     Returns
     -------

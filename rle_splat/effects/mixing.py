@@ -29,10 +29,6 @@ def is_sampled(scene: Scene) -> bool:
 def split_light(scene: Scene) -> list[Scene]:
     """The scenes of single channels whose pictures add up to that of a scene.
 
-    Parameters
-    ----------
-    scene : Scene
-
     Returns
     -------
     list of Scene
@@ -60,19 +56,16 @@ def split_light(scene: Scene) -> list[Scene]:
 def add_light_steps(scene: Scene, scenes: list[Scene], make_steps):
     """Generator of Progress: the sum of the pictures of some scenes; returns its Rendering.
 
+    Colors are summed and end at the opacity 1 - (1 - a1)(1 - a2)...: two saturated channels of red and green are
+    yellow, as in ImageJ's composites.  The depth is that of the nearest channel, the report that of the first with the
+    times of all.
+
     Parameters
     ----------
-    scene : Scene
     scenes : list of Scene
         Its ``split_light``.
     make_steps : callable
         ``make_steps(scene)``: generator of Progress, returns the Rendering of a scene of one channel.
-
-    Notes
-    -----
-    Colors are summed and end at the opacity 1 - (1 - a1)(1 - a2)...: two saturated channels of red and green are
-    yellow, as in ImageJ's composites.  The depth is that of the nearest channel, the report that of the first with the
-    times of all.
     """
     if len(scenes) == 1:
         return (yield from make_steps(scenes[0]))

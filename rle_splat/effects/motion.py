@@ -16,7 +16,7 @@ FEWEST_PICTURES = 4
 
 
 def at_time(scene: Scene, time: float) -> Scene:
-    """The scene at one time.
+    """The scene at one time, without motion.
 
     Parameters
     ----------
@@ -24,11 +24,6 @@ def at_time(scene: Scene, time: float) -> Scene:
         With at least two poses in ``motion``, evenly spaced in time; matrices are interpolated linearly between them.
     time : float
         From 0, when the shutter opens, to 1, when it closes.
-
-    Returns
-    -------
-    Scene
-        Without motion.
     """
     position = time * (len(scene.motion) - 1)
     first = min(int(position), len(scene.motion) - 2)
@@ -44,13 +39,7 @@ def _interpolate(before: np.ndarray, after: np.ndarray, part: float) -> np.ndarr
 
 
 def distance_moved(scene: Scene) -> float:
-    """The longest path of a corner of the volume's box in the picture while the shutter is open.
-
-    Returns
-    -------
-    float
-        Pixels; 0 without poses.
-    """
+    """The longest path in pixels of a corner of the volume's box while the shutter is open; 0 without poses."""
     if len(scene.motion) < 2:
         return 0.0
     paths = []
@@ -67,13 +56,7 @@ def distance_moved(scene: Scene) -> float:
 
 
 def motion_pictures(scene: Scene) -> int:
-    """The number of times at which the volume is rendered while the shutter is open.
-
-    Returns
-    -------
-    int
-        1 for a still scene.
-    """
+    """The number of times at which the volume is rendered while the shutter is open; 1 for a still scene."""
     moved = distance_moved(scene)
     if moved <= STILL:
         return 1

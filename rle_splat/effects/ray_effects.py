@@ -32,10 +32,6 @@ class RayEffects:
     ----------
     scene : Scene
         Without the effects that are off, its volume on the grid that is splatted.
-    view : IndexView
-    quality : Quality
-    effects : EffectSet
-    clock : Clock
     """
 
     def __init__(self, scene: Scene, view: IndexView, quality: Quality, effects: EffectSet, clock: Clock):
@@ -50,12 +46,7 @@ class RayEffects:
         return any(effect.shortens_rays for effect in self._chain)
 
     def leave_out_idle_steps(self, planes: list[BasePlane]):
-        """Generator of fractions done: drop the effects that do nothing to the rays of some base planes.
-
-        Parameters
-        ----------
-        planes : list of BasePlane
-        """
+        """Generator of fractions done: drop the effects that do nothing to the rays of some base planes."""
         left = []
         for effect in self._chain:
             with self._clock.stage(effect.stage):
@@ -67,36 +58,14 @@ class RayEffects:
         self._chain = left
 
     def passes(self, planes: list[BasePlane]) -> list[RayPass]:
-        """The passes over the base planes.
-
-        Parameters
-        ----------
-        planes : list of BasePlane
-
-        Returns
-        -------
-        list of RayPass
-            Usually one; meshes with silhouettes add another.
-        """
+        """The passes over the base planes: usually one; meshes with silhouettes add another."""
         passes = [RayPass(self._scene.region, list(enumerate(planes)))]
         for effect in self._chain:
             passes = effect.passes(passes, self._reach)
         return passes
 
     def intervals(self, ray_pass: RayPass, number: int, plane: BasePlane):
-        """The ray intervals of a base plane.
-
-        Parameters
-        ----------
-        number : int
-            Number of the plane.
-
-        Returns
-        -------
-        (BasePlane, ndarray or None) or None
-            The part of the plane that has rays, and their intervals, (2 + 2 holes, H, W) float32 voxels along the
-            viewing direction, None for whole rays; None where no ray is left.
-        """
+        """The part of a base plane that has rays, and their intervals, or None; see ``RayEffect.shorten``."""
         found = plane, None
         for effect in self._chain:
             with self._clock.stage(effect.stage_of(ray_pass)):
@@ -106,15 +75,7 @@ class RayEffects:
         return found
 
     def complete(self, ray_pass: RayPass, number: int, image: IntermediateImage) -> IntermediateImage:
-        """The intermediate image of a plane, completed by the effects.
-
-        Parameters
-        ----------
-        number : int
-            Number of the plane.
-        image : IntermediateImage
-            Changed in place.
-        """
+        """The intermediate image of a plane, completed in place by the effects; see ``RayEffect.complete``."""
         for effect in self._chain:
             with self._clock.stage(effect.stage):
                 effect.complete(ray_pass, number, image)
@@ -146,6 +107,8 @@ class RayEffects:
     def clamp_to_clip(self, depth: np.ndarray) -> np.ndarray:
         """Clamp depths to the camera's clip distances where rays were shortened.
 
+        A pixel's depth is that of the nearest sheet pixel's ray, which meets the clip planes elsewhere.
+
         Parameters
         ----------
         depth : (H, W) ndarray of float32
@@ -154,10 +117,6 @@ class RayEffects:
         Returns
         -------
         (H, W) ndarray of float32
-
-        Notes
-        -----
-        A pixel's depth is that of the nearest sheet pixel's ray, which meets the clip planes elsewhere.
         """
         if not any(effect.moves_depth for effect in self._chain):
             return depth
@@ -182,10 +141,6 @@ class RayEffects:
         picture : (rgba, depth)
         some_visible : bool
             Whether the volume has any visible voxel.
-
-        Returns
-        -------
-        list of str
         """
         sentences = [effect.nothing_left for effect in self._chain if effect.nothing_left]
         return sentences if sentences and some_visible and not picture[0][..., 3].any() else []

@@ -73,10 +73,6 @@ class RayEffect:
     def inspect_steps(self, planes: list[BasePlane]):
         """Generator of fractions done: find out whether the effect does anything to the rays of some base planes.
 
-        Parameters
-        ----------
-        planes : list of BasePlane
-
         Returns
         -------
         str or None
@@ -94,10 +90,6 @@ class RayEffect:
             The passes without this effect.
         reach : int
             Sheet pixels on either side of a ray that its pixel depends on.
-
-        Returns
-        -------
-        list of RayPass
         """
         return passes
 

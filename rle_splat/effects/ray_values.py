@@ -77,7 +77,6 @@ class ValueMap:
 
     Attributes
     ----------
-    tf : TransferFunction
     slope, intercept : float
         From stored to physical values.
     sign : float

@@ -24,7 +24,7 @@ from ..shade.light_samples import SKY_DIRECTIONS, SKY_WEIGHTS, fixed_samples, li
 from ..shade.light_sheets import Sweep, point_sweeps, sun_sweeps
 from ..shade.light_sweep import FULL, sweep_light
 from ..shade.sample_light import OCTAVES, ONE
-from ..shade.surface_points import faces_of
+from ..shade.surface_points import Points, faces_of
 from .clip_cover import cover_steps
 from .mesh_depth import sheet_depth
 
@@ -42,7 +42,6 @@ class Occluders:
 
     Attributes
     ----------
-    voxels : VisibleVoxels
     find_extinction : callable
         ``find_extinction()``: generator of fractions done that returns the extinction of the voxels, (m,) float32,
         1 / world length, in their own order.
@@ -122,17 +121,12 @@ class Occluders:
 
 
 def pool_occluders_steps(occluders: Occluders, side: int):
-    """Average what blocks light over cubes of voxels.
+    """Generator of fractions done: average what blocks light over cubes of voxels.
 
     Parameters
     ----------
     side : int
         Voxels along a side of a cube.
-
-    Yields
-    ------
-    float
-        Fraction done.
 
     Returns
     -------
@@ -217,17 +211,12 @@ def sky_passes(occluders: Occluders, *, nodes: bool):
 
 
 def voxel_light_steps(passes: list[list[Sweep]], weights, occluders: Occluders):
-    """Find the weighted mean of the light of several samples at each voxel.
+    """Generator of fractions done: find the weighted mean of the light of several samples at each voxel.
 
     Parameters
     ----------
     passes, weights
         As ``light_passes`` returns them.
-
-    Yields
-    ------
-    float
-        Fraction done.
 
     Returns
     -------
@@ -267,15 +256,13 @@ def scattered_light_steps(passes: list[list[Sweep]], weights, occluders: Occlude
 
     It passes several times as much: of a path that transmits t, t to the power of each of OCTAVES arrives.
 
+    The least power is swept, by paths that are as much shorter, because a share of 16 bits loses all but one octave of
+    what is nearly dark; its powers are looked up.  What meshes leave of the light is swept alone, as they scatter none.
+
     Returns
     -------
     (2, nz + 2, ny + 2, nx + 2) ndarray of uint16
         FULL times the share T that arrives, and the mean U, by their weights, of its further OCTAVES.
-
-    Notes
-    -----
-    The least power is swept, by paths that are as much shorter, because a share of 16 bits loses all but one octave of
-    what is nearly dark; its powers are looked up.  What meshes leave of the light is swept alone, as they scatter none.
     """
     factors, powers = OCTAVES
     least, code = powers[-1], np.arange(FULL + 1.0) / FULL
@@ -302,7 +289,7 @@ def scattered_light_steps(passes: list[list[Sweep]], weights, occluders: Occlude
     return total
 
 
-def traced_light_steps(light, occluders: Occluders, bricks: Bricks, offsets, scattered: bool):
+def traced_light_steps(light, occluders: Occluders, bricks: Bricks, points: Points, scattered: bool):
     """Find what arrives of a light at points beside voxels, by a ray from each to each point of the light.
 
     Parameters
@@ -311,10 +298,10 @@ def traced_light_steps(light, occluders: Occluders, bricks: Bricks, offsets, sca
         None for light from all directions, sampled by fourteen: ambient occlusion.
     bricks : Bricks
         Of the extinction of the voxels, of which clips cut nothing away.
-    offsets : (m, 3) ndarray of int16
+    points : Points
         As ``light_rays.trace_steps`` takes them.
     scattered : bool
-        Whether U of the light is asked for, too.
+        Whether U of the light is asked for in place of its share.
 
     Yields
     ------
@@ -323,44 +310,45 @@ def traced_light_steps(light, occluders: Occluders, bricks: Bricks, offsets, sca
 
     Returns
     -------
-    (1 or 2, m) ndarray of int16
-        ONE times the share that arrives, and times U.
+    (m,) ndarray of int16
+        ONE times the share that arrives.
 
     Notes
     -----
     What meshes leave of the light is swept to the nodes of a grid and read from it.
     """
     if light is None:
-        points, weights = SKY_DIRECTIONS, SKY_WEIGHTS
+        places, weights = SKY_DIRECTIONS, SKY_WEIGHTS
     else:
-        points = fixed_samples(light, occluders.corners)
-        weights = np.full(len(points), 1.0 / len(points))
+        places = fixed_samples(light, occluders.corners)
+        weights = np.full(len(places), 1.0 / len(places))
     is_sun = light is None or light.type == "SUN"
     grid = occluders.matrix, occluders.voxels.shape_xyz, occluders.boxed
-    sums, cuts = np.zeros((len(occluders.voxels), 2 if scattered else 1), np.float32), _cuts(occluders)
+    sums, cuts = np.zeros(len(occluders.voxels), np.float32), _cuts(occluders)
     has_meshes = occluders.triangles is not None and len(occluders.triangles) > 0
     free = np.empty((len(sums) if has_meshes else 0, 1), np.int16)
-    for n, (point, weight) in enumerate(zip(points, weights)):
+    for n, (point, weight) in enumerate(zip(places, weights)):
 
         def along(done, n=n):
-            return (n + done) / len(points)
+            return (n + done) / len(places)
 
         if has_meshes:
             sweeps = sun_sweeps(point, *grid) if is_sun else point_sweeps(point, *grid, beside=True)
             cleared = [replace(sweep, length=np.zeros(6)) for sweep in sweeps]
             nodes = yield from map_steps(node_light_steps([cleared], [1.0], occluders), lambda _: along(0.0))
-            steps = read_nodes_steps(nodes, 1, 1.0, occluders.voxels, offsets, None, free, 0, threads=occluders.threads)
+            given = nodes, 1, 1.0, occluders.voxels, points
+            steps = read_nodes_steps(*given, None, free, 0, threads=occluders.threads)
             yield from map_steps(steps, lambda _: along(0.0))
         steps = trace_steps(
-            occluders.voxels, offsets, bricks, occluders.matrix, point, is_sun, cuts, weight, free[:, 0], sums,
-            threads=occluders.threads,
+            occluders.voxels, points, bricks, occluders.matrix, point, is_sun, cuts, weight, free[:, 0], scattered,
+            sums, threads=occluders.threads,
         )  # fmt: skip
         yield from map_steps(steps, along)
-    codes = np.empty(sums.shape[::-1], np.int16)
+    codes = np.empty(len(sums), np.int16)
     for first in range(0, len(sums), CODED_AT_ONCE):
         yield 1.0
         part = slice(first, first + CODED_AT_ONCE)
-        codes[:, part] = np.rint(np.minimum(sums[part], np.float32(1.0)).T * ONE)
+        codes[part] = np.rint(np.minimum(sums[part], np.float32(1.0)) * ONE)
     return codes
 
 

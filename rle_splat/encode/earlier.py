@@ -48,7 +48,7 @@ UNLIT = (
 
 
 def lengthen(words: np.ndarray, scales) -> tuple[np.ndarray, np.ndarray]:
-    """Convert records of 6 or 4 bytes to records of 8 bytes.
+    """Convert records of 6 or 4 bytes to records of 8 bytes; ValueError if the scales do not fit the records.
 
     Parameters
     ----------
@@ -61,11 +61,6 @@ def lengthen(words: np.ndarray, scales) -> tuple[np.ndarray, np.ndarray]:
     voxel_data : (n,) ndarray of uint64
     decoding : (4,) ndarray of float32
         See ``records.decoding_of``.
-
-    Raises
-    ------
-    ValueError
-        If the scales do not fit the records.
     """
     record = {np.dtype(kind): record for record, kind in TYPES.items()}[words.dtype]
     scales, words = np.asarray(scales, np.float32), words.reshape(-1, WORDS[record])
@@ -161,17 +156,12 @@ class _PartlyInMemory(FolderMembers):
 
 
 def read_file(members) -> dict | None:
-    """Read the members of a file of an earlier version.
+    """Read the members of a file of an earlier version; RleSplatError if the file is damaged.
 
     Returns
     -------
     dict or None
         Arguments of ``StoredVolume.of``; None if the members are no such file.
-
-    Raises
-    ------
-    RleSplatError
-        If the file is damaged.
     """
     if HEADER not in members.checksums:
         return None

@@ -59,10 +59,6 @@ def encode(
     threads : int
         0 for one per core.
 
-    Returns
-    -------
-    RunLengthVolume
-
     Raises
     ------
     RleSplatError
@@ -99,7 +95,7 @@ def run_tables(voxels: VisibleVoxels, axis: int, *, threads: int = 0) -> RunTabl
 
 
 def table_steps(voxels: VisibleVoxels, axis: int, *, threads: int = 0):
-    """Run-length tables of the visible voxels, without records.
+    """Generator of fractions done: run-length tables of the visible voxels, without records.
 
     Parameters
     ----------
@@ -107,11 +103,6 @@ def table_steps(voxels: VisibleVoxels, axis: int, *, threads: int = 0):
         Principal axis: x, y or z.
     threads : int
         0 for one per core.
-
-    Yields
-    ------
-    float
-        Fraction done.
 
     Returns
     -------
@@ -137,7 +128,7 @@ def table_steps(voxels: VisibleVoxels, axis: int, *, threads: int = 0):
 def record_steps(
     tables: RunTables, voxels: VisibleVoxels, write, model: str, record: int = 16, decoding=None, *, threads: int = 0
 ):
-    """Add voxel records to run-length tables.
+    """Generator of fractions done: add voxel records to run-length tables.
 
     Parameters
     ----------
@@ -153,11 +144,6 @@ def record_steps(
         As of ``records.decoding_of``.
     threads : int
         0 for one per core.
-
-    Yields
-    ------
-    float
-        Fraction done.
 
     Returns
     -------
@@ -199,7 +185,7 @@ def reorder_steps(tables: RunTables, voxels: VisibleVoxels, in_order: RunLengthV
 
 
 def place_chunks(tables: RunTables, voxels: VisibleVoxels, words, target, *, threads: int = 0):
-    """Copy records from the order of the voxels to the order of run-length tables.
+    """Generator of fractions done: copy records from the order of the voxels to the order of run-length tables.
 
     Parameters
     ----------
@@ -209,11 +195,6 @@ def place_chunks(tables: RunTables, voxels: VisibleVoxels, words, target, *, thr
         Output, in the order of ``tables``.
     threads : int
         0 for one per core.
-
-    Yields
-    ------
-    float
-        Fraction done.
     """
     for fraction, first_plane, last_plane in _cut_chunks(voxels):
         yield fraction
@@ -223,7 +204,7 @@ def place_chunks(tables: RunTables, voxels: VisibleVoxels, words, target, *, thr
 
 
 def fetch_chunks(tables: RunTables, voxels: VisibleVoxels, words, source, *, threads: int = 0):
-    """Copy records back from the order of run-length tables to the order of the voxels.
+    """Generator of fractions done: copy records back from the order of run-length tables to the order of the voxels.
 
     Parameters
     ----------
@@ -235,11 +216,6 @@ def fetch_chunks(tables: RunTables, voxels: VisibleVoxels, words, source, *, thr
         Records in the order of ``tables``.
     threads : int
         0 for one per core.
-
-    Yields
-    ------
-    float
-        Fraction done.
     """
     if tables.axis != 0:
         raise ValueError(f"records are fetched from scanlines along y (axis 0) only, not from axis {tables.axis}")

@@ -16,7 +16,7 @@ VOXELS_AT_ONCE = 1 << 20  # kept voxels that are averaged between two chances to
 
 
 def pool_steps(voxels: VisibleVoxels, extinction, side: int, *, threads: int = 0):
-    """Average the extinction of kept voxels to nodes.
+    """Generator of fractions done: average the extinction of kept voxels to nodes.
 
     Parameters
     ----------
@@ -25,11 +25,6 @@ def pool_steps(voxels: VisibleVoxels, extinction, side: int, *, threads: int = 0
         Voxels along a side of a cube.
     threads : int
         0 for one per core.
-
-    Yields
-    ------
-    float
-        Fraction done.
 
     Returns
     -------

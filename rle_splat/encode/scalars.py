@@ -29,10 +29,8 @@ class ScalarVolume(OnAxis):
 
     Attributes
     ----------
-    tables : RunTables
     scalars : (m,) ndarray
         Stored values minus ``center``, in the order of ``tables``.
-    center : float
     codes : (m, channels) ndarray of int16 or None
         ``shade.sample_light.ONE`` times the planes of ``light``, and a factor of extinction after them if it is
         ``thinned``; in the order of ``tables``.
@@ -42,7 +40,6 @@ class ScalarVolume(OnAxis):
         Whether the last channel of ``codes`` is a factor of the extinction.
     values : (m, channels) ndarray of float32 or None
         Stored values of further channels minus their ``centers``, in the order of ``tables``; None without any.
-    centers : tuple of float
     """
 
     tables: RunTables

@@ -16,7 +16,7 @@ from ..runtime.memory import bytes_text
 from ..runtime.steps import drain
 from ..scene import RleSplatError
 from ..volume.volume import Volume
-from . import earlier
+from . import earlier, validate
 from .members import (
     COARSE,
     COUNTS,
@@ -41,17 +41,6 @@ from .tables import (
     data_pointers_from_scanlines,
     pointers_from_counts,
     scanline_pointers_from_counts,
-)
-from .validate import (
-    OF_VOXELS,
-    Values,
-    check_color,
-    check_header,
-    check_layout,
-    check_records,
-    check_scalars,
-    check_values,
-    scanline_starts,
 )
 
 if TYPE_CHECKING:
@@ -211,7 +200,7 @@ class StoredVolume:
     space: str | None
     visible_voxels: int
     nan_voxels: int
-    values: Values | None  # of post-classified tables
+    values: validate.Values | None  # of post-classified tables
     most_color: float  # largest channel of any color of pre-classified tables
     decoding: np.ndarray | None  # see RunLengthVolume
     mapped: MappedTables | None  # the stored members; None in memory
@@ -227,7 +216,7 @@ class StoredVolume:
         cls, axes: dict, affine, unit: str = "mm", unit_length: float = 1.0, transfer_function=None, lighting=None,
         source: str = "", remarks=(), space: str | None = None, key: str | None = None,
     ) -> StoredVolume:  # fmt: skip
-        """A volume in memory.
+        """A volume in memory; RleSplatError if the encodings do not match.
 
         Parameters
         ----------
@@ -239,11 +228,6 @@ class StoredVolume:
         Returns
         -------
         StoredVolume
-
-        Raises
-        ------
-        RleSplatError
-            If the encodings do not match.
         """
         kinds = {
             (one.shape_xyz, one.model, one.record, one.decoding is not None and one.decoding.tobytes())
@@ -326,7 +310,7 @@ class StoredVolume:
 
     def _names(self, order: str) -> dict:
         """Name -> file of the tables of voxels of an order."""
-        names = {name: f"{order}.{name}" for name in OF_VOXELS[self.classification]}
+        names = {name: f"{order}.{name}" for name in validate.OF_VOXELS[self.classification]}
         return {name: file for name, file in names.items() if self.mapped.has(file)}
 
     def _chunks_steps(self, order: str, wanted):
@@ -360,7 +344,7 @@ class StoredVolume:
         pointers, n_runs = scanline_pointers_from_counts(runs)
         starts, n_voxels = pointers_from_counts(voxels)
         ends = data_pointers_from_scanlines(starts, n_voxels)
-        made = scanline_starts(axis, shape, pointers, ends, parts[f"{order}.{RUNS}"], n_voxels)
+        made = validate.scanline_starts(axis, shape, pointers, ends, parts[f"{order}.{RUNS}"], n_voxels)
         table = next(iter(of_voxels.values()))
         counted = n_runs, n_voxels
         if counted != (self.mapped.entries(f"{order}.{RUNS}", number), self.mapped.entries(table, number)):
@@ -368,9 +352,9 @@ class StoredVolume:
         if not np.array_equal(made, starts):
             raise make_damage_error(self.path, "the counts of voxels do not fit the runs")
         if self.classification == "pre":
-            check_records(axis, self._records(parts[of_voxels["records"]]), self.decoding)
+            validate.check_records(axis, self._records(parts[of_voxels["records"]]), self.decoding)
         else:
-            check_scalars(axis, parts[of_voxels["scalars"]])
+            validate.check_scalars(axis, parts[of_voxels["scalars"]])
         return _ChunkCounts(runs, voxels, n_runs, n_voxels)
 
     def _chunk_shape(self, order: str, first: int, last: int) -> tuple[int, int]:
@@ -426,14 +410,14 @@ def _open(members) -> tuple[StoredVolume, bool]:
     path, header = members.path, read_header(members)
     try:
         members, header = earlier.lengthen_records(members, earlier.drop_light(header))
-        facts = check_header(header)
-        dtypes = check_layout(header, facts)
+        facts = validate.check_header(header)
+        dtypes = validate.check_layout(header, facts)
         is_pre, decoding = header["classification"] == "pre", header.get("decoding")
         volume = StoredVolume(
             path, header["classification"], principal_axes=facts.pop("axes"), **facts,
             visible_voxels=header["visible"], nan_voxels=int(header["nan_voxels"]),
-            values=None if is_pre else check_values(header, dtypes),
-            most_color=check_color(header["most_color"] if is_pre else 0.0),
+            values=None if is_pre else validate.check_values(header, dtypes),
+            most_color=validate.check_color(header["most_color"] if is_pre else 0.0),
             decoding=None if decoding is None else np.array(decoding, np.float32),
             mapped=MappedTables(members, {**header, "dtypes": dtypes}),
             key=hashlib.blake2b(json.dumps(header, sort_keys=True).encode(), digest_size=16).hexdigest(),

@@ -7,20 +7,12 @@ import numpy as np
 
 from ..effects.ray_mode import OF_VALUES
 from ..scene import RleSplatError, Scene
+from . import scale
 from .color_bar import Lines, color_bar
 from .directions import WORDS, cube, edge_letters, knows_sides, letter_texts
 from .lettering import check_text, text_width, wrap
 from .page import MM_PER_POINT, Fill, Page, Text, Tile
 from .plan import AUTO, BACKGROUNDS, GUTTER, MARGIN, OFF, Figure
-from .scale import (
-    MM_PER_UNIT,
-    SHARE,
-    depth_of,
-    length_per_pixel,
-    length_text,
-    round_length,
-    world_units_per_length,
-)
 
 LABELS = "abcdefghijklmnopqrstuvwxyz"
 LEADING = 1.35  # from line to line, in font sizes
@@ -119,24 +111,24 @@ def scale_bar(scene: Scene, draft: PageDraft) -> ScaleBar | None:
     if style.scale_bar == OFF:
         return None
     try:
-        per_pixel = length_per_pixel(scene, style.scale_depth)
+        per_pixel = scale.length_per_pixel(scene, style.scale_depth)
     except RleSplatError as problem:
         if style.scale_bar != AUTO:
             raise
         draft.remark(f"The figure has no scale bar. {problem}")
         return None
     seen = per_pixel * scene.width
-    length = round_length(SHARE * seen) if style.scale_bar == AUTO else float(style.scale_bar)
-    label = length_text(length, scene.volume.unit)
+    length = scale.round_length(scale.SHARE * seen) if style.scale_bar == AUTO else float(style.scale_bar)
+    label = scale.length_text(length, scene.volume.unit)
     if length > seen:
         raise RleSplatError(
-            f"A scale bar of {label} is longer than the picture, which shows {length_text(seen, scene.volume.unit)}; "
-            "give a shorter one."
+            f"A scale bar of {label} is longer than the picture, which shows "
+            f"{scale.length_text(seen, scene.volume.unit)}; give a shorter one."
         )
     if scene.camera.type == "PERSP":
-        unit = MM_PER_UNIT.get(scene.volume.unit, 1.0)
-        away = depth_of(scene, style.scale_depth) * unit / world_units_per_length(scene)
-        label += f" at a depth of {length_text(round(away, 1), scene.volume.unit)}"
+        unit = scale.MM_PER_UNIT.get(scene.volume.unit, 1.0)
+        away = scale.depth_of(scene, style.scale_depth) * unit / scale.world_units_per_length(scene)
+        label += f" at a depth of {scale.length_text(round(away, 1), scene.volume.unit)}"
     return ScaleBar(length / per_pixel / draft.per_mm, label)
 
 

@@ -20,8 +20,6 @@ class MadeFigure:
 
     Attributes
     ----------
-    figure : Figure
-    page : Page
     renderings : tuple of Rendering
         Of its panels.
     remarks : tuple of str

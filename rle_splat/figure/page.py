@@ -19,13 +19,11 @@ class Text:
     ----------
     x, y : float
         The end of the baseline that ``anchor`` names, mm.
-    text : str
     size : float
         Font size in mm.
     color : (3,) tuple of float
         Scene-linear RGB.
     anchor : {"start", "middle", "end"}
-    bold : bool
     halo : (3,) tuple of float or None
         Color of an outline that sets the text off from a picture below it.
     """

@@ -22,7 +22,7 @@ LIMITS = {"width_cm": (1.0, 200.0), "dpi": (20.0, 2400.0), "font_size": (3.0, 72
 
 @dataclass(frozen=True)
 class FigureStyle:
-    """How a figure looks.
+    """How a figure looks; RleSplatError if a value is out of range.
 
     Parameters
     ----------
@@ -47,12 +47,6 @@ class FigureStyle:
         is the middle of the volume.
     sides : {"auto", "letters", "cube", "off"}
         The patient's sides: letters at the edges, or a cube. "auto" is letters where the file knows the sides.
-    color_bar : bool
-
-    Raises
-    ------
-    RleSplatError
-        If a value is out of range.
     """
 
     width_cm: float = 17.0
@@ -127,7 +121,6 @@ class Figure:
     ----------
     panels : tuple of Panel
         Row by row. All pictures have the same size.
-    style : FigureStyle
 
     Raises
     ------

@@ -18,6 +18,8 @@ MM_PER_METER = 1000.0
 def png_bytes(rgba: np.ndarray, dpi: float, background=None) -> bytes:
     """A picture as the content of a PNG file.
 
+    Chunks as in the PNG specification (W3C, third edition).
+
     Parameters
     ----------
     rgba : (H, W, 4) ndarray of float32
@@ -31,10 +33,6 @@ def png_bytes(rgba: np.ndarray, dpi: float, background=None) -> bytes:
     -------
     bytes
         Without times or names, so that equal pictures have equal files.
-
-    Notes
-    -----
-    Chunks as in the PNG specification (W3C, third edition).
     """
     pixels = to_bytes(rgba, background)
     height, width, channels = pixels.shape

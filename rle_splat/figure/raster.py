@@ -13,17 +13,12 @@ REACH = 1.0  # pixels beyond an edge that its anti-aliasing may touch
 
 
 def draw(page: Page) -> np.ndarray:
-    """Draw a page.
+    """Draw a page; RleSplatError if a tile reaches beyond the page.
 
     Returns
     -------
     (height, width, 4) ndarray of float32
         Scene-linear, premultiplied, row 0 at the top.
-
-    Raises
-    ------
-    RleSplatError
-        If a tile reaches beyond the page.
     """
     canvas = np.zeros((page.height, page.width, 4), dtype=np.float32)
     if page.background is not None:

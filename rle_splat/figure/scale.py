@@ -20,17 +20,12 @@ NO_SCALE = (
 
 
 def length_per_pixel(scene: Scene, depth: float | str | None = None) -> float:
-    """The length that one pixel of a picture covers in the volume.
+    """The length that one pixel of a picture covers in the volume, in mm, or its own unit if that is no metric one.
 
     Parameters
     ----------
     depth : float, "center" or None
         For a perspective view: planar distance from the camera in world units; "center" is the middle of the volume.
-
-    Returns
-    -------
-    float
-        mm, or the volume's own unit if that is no metric one.
 
     Raises
     ------

@@ -61,7 +61,6 @@ class Sidecar:
 
     Attributes
     ----------
-    sources : Sources
     content : dict
         The whole file.
     """
@@ -188,7 +187,7 @@ def read_sidecar(path) -> Sidecar:
 
 
 def figure_of(sidecar: Sidecar, data: FigureData, threads: int = 0) -> tuple[Figure, list[Quality]]:
-    """The figure of a sidecar, and the qualities of its panels.
+    """The figure of a sidecar, and the qualities of its panels; RleSplatError for values that are out of range.
 
     Parameters
     ----------
@@ -196,11 +195,6 @@ def figure_of(sidecar: Sidecar, data: FigureData, threads: int = 0) -> tuple[Fig
         See ``check_data``.
     threads : int
         As of Quality.
-
-    Raises
-    ------
-    RleSplatError
-        For values that are out of range.
     """
     panels, qualities = [], []
     for entry in sidecar.content["panels"]:

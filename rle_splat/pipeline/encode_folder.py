@@ -18,19 +18,9 @@ from ..classify.visible import Visibility, VisibleVoxels, mark_steps
 from ..effects.analyze import analyze_effects
 from ..effects.mixing import is_mixed
 from ..effects.ray_values import find_shown_values
+from ..encode import members
 from ..encode.encode import record_steps, reorder_steps, run_tables
 from ..encode.folder import FolderWriter, is_folder_form
-from ..encode.members import (
-    ACROSS,
-    COARSE,
-    COUNTS,
-    LIGHT_MODEL,
-    ROWS,
-    RUNS,
-    SURFACE,
-    describe_tables,
-    words_of_entry,
-)
 from ..encode.records import decoding_of, words_of
 from ..encode.scalars import OWN_TYPES, center_of, in_scanlines, scalars_of
 from ..encode.tables import RunTables, counts_of
@@ -136,7 +126,9 @@ def write_folder_steps(scene: Scene, quality: Quality, writer: FolderWriter, axe
     chunks = kind(scene, quality, axes)
     writer.begin(_job(scene, quality, axes))
     resumed = writer.planes
-    has_coarse = yield from rescale(_coarse_steps(scene, quality, writer.folder / COARSE, axes, source), 0.02, 0.02)
+    has_coarse = yield from rescale(
+        _coarse_steps(scene, quality, writer.folder / members.COARSE, axes, source), 0.02, 0.02
+    )
     with clock.stage("classify"):
         yield from announce(chunks.prepare_steps(), 0.02, 0.04, looking)
     nx, ny, nz = volume.shape_xyz
@@ -156,13 +148,13 @@ def write_folder_steps(scene: Scene, quality: Quality, writer: FolderWriter, axe
         density = max(DENSER * made.visible / (nx * ny * (last - first)), LEAST_DENSITY)
     yield Progress(0.98, "Finishing the folder")
     facts = [chunk.facts for chunk in writer.chunks]
-    header = describe_tables(
+    header = members.describe_tables(
         volume, classification=quality.classification, model=quality.model, record=quality.record, axes=axes,
         unit_length=unit_length(volume, scene.index_to_world), transfer_function=scene.transfer_function.to_json(),
         lighting=describe_lighting(scene), source=source,
     )  # fmt: skip
     header |= chunks.header(facts)
-    header |= {"visible": sum(one["visible"] for one in facts), COARSE: has_coarse}
+    header |= {"visible": sum(one["visible"] for one in facts), members.COARSE: has_coarse}
     with clock.stage("encode"):
         size = writer.finish(header)
     return _report(scene, quality, facts, size, resumed, len(writer.chunks), clock)
@@ -271,9 +263,9 @@ class _Chunks:
 
     def name_files(self, order: str, tables: RunTables, **of_voxels) -> dict:
         """The tables of an order by the names of their files."""
-        named = {f"{order}.{COUNTS}": counts_of(tables).reshape(-1, 2), f"{order}.{RUNS}": tables.runs}
+        named = {f"{order}.{members.COUNTS}": counts_of(tables).reshape(-1, 2), f"{order}.{members.RUNS}": tables.runs}
         named |= {f"{order}.{name}": array for name, array in of_voxels.items()}
-        self.dtypes |= {name: words_of_entry(array) for name, array in named.items()}
+        self.dtypes |= {name: members.words_of_entry(array) for name, array in named.items()}
         return named
 
     def header(self, facts) -> dict:
@@ -339,11 +331,11 @@ class _ClassifiedChunks(_Chunks):
 
         tables = run_tables(local, 2, threads=self.threads)
         rows = drain(record_steps(tables, local, write_chunk, model, record, self.decoding, threads=self.threads))
-        named = self.name_files(ROWS, tables, **{RECORDS: words_of(rows.voxel_data)})
+        named = self.name_files(members.ROWS, tables, **{RECORDS: words_of(rows.voxel_data)})
         if 0 in self.axes:
             tables = run_tables(local, 0, threads=self.threads)
             across = drain(reorder_steps(tables, local, rows, threads=self.threads))
-            named |= self.name_files(ACROSS, tables, **{RECORDS: words_of(across.voxel_data)})
+            named |= self.name_files(members.ACROSS, tables, **{RECORDS: words_of(across.voxel_data)})
         facts = {"most_color": rows.most_color, "nan": local.nan_voxels}
         return _ChunkTables(named, facts, len(local))
 
@@ -393,12 +385,12 @@ class _ScalarChunks(_Chunks):
         local = self._keep_voxels(first, last)
         of_voxels = {SCALARS: scalars_of(local, self.volume.voxels.dtype, self.infinite, self.center)}
         if self.falling is not None:
-            of_voxels[SURFACE] = self._surface(local, first, last)
-        named = self.name_files(ROWS, run_tables(local, 2, threads=self.threads), **of_voxels)
+            of_voxels[members.SURFACE] = self._surface(local, first, last)
+        named = self.name_files(members.ROWS, run_tables(local, 2, threads=self.threads), **of_voxels)
         if 0 in self.axes:
             tables = run_tables(local, 0, threads=self.threads)
             placed = {name: self._in_scanlines(tables, local, array) for name, array in of_voxels.items()}
-            named |= self.name_files(ACROSS, tables, **placed)
+            named |= self.name_files(members.ACROSS, tables, **placed)
         return _ChunkTables(named, {}, len(local))
 
     def _in_scanlines(self, tables: RunTables, local: VisibleVoxels, array: np.ndarray) -> np.ndarray:
@@ -423,5 +415,5 @@ class _ScalarChunks(_Chunks):
         return {
             **found, "stored_type": volume.voxels.dtype.name, "slope": volume.slope, "intercept": volume.intercept,
             "ends": list(self.ends), "center": self.center, "nan_voxels": self.blocks.nan_voxels,
-            "light": None if self.falling is None else {"model": LIGHT_MODEL, "index_to_world": matrix},
+            "light": None if self.falling is None else {"model": members.LIGHT_MODEL, "index_to_world": matrix},
         }  # fmt: skip

@@ -116,6 +116,10 @@ def _gradients(volume, indices) -> np.ndarray:
 def find_surface(scene: Scene, origin, direction, nearest: float = 0.0, furthest: float = math.inf) -> Surface | None:
     """Find the first visible surface of a scene's volume along a ray.
 
+    The extinction is that of the classified interpolated values, whatever the quality; edges of labels are not
+    smoothed. The optical depth is a sum of trapezoids, four to a voxel, and sixteen times as many where it reaches
+    ln 2.
+
     Parameters
     ----------
     scene : Scene
@@ -130,12 +134,6 @@ def find_surface(scene: Scene, origin, direction, nearest: float = 0.0, furthest
     Surface or None
         Where the opacity of the ray passes one half, or else its most opaque sample; in the modes mip and minip, the
         value that is shown. None if nothing is visible.
-
-    Notes
-    -----
-    The extinction is that of the classified interpolated values, whatever the quality; edges of labels are not
-    smoothed. The optical depth is a sum of trapezoids, four to a voxel, and sixteen times as many where it reaches
-    ln 2.
     """
     if not scene.volume.holds_values:
         return None

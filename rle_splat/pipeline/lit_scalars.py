@@ -37,12 +37,10 @@ class LitScalars:
 
     Attributes
     ----------
-    source : ScalarSource
     work : Work
         That its tables are part of.
     volume : Volume
         Whose values count: where labels hide, these are taken away from.
-    voxels : VisibleVoxels
     key : tuple
         All that the voxels depend on.
     ends : tuple of float

@@ -24,7 +24,6 @@ class Medium(ABC):
     ----------
     voxels : LitVolume, LitScalars or FileSource
         What is encoded, or read: it has ``encode_steps(axis)``, ``visible_voxels``, ``nan_voxels`` and ``estimate``.
-    quality : Quality
     mist : Mist or None
         What the colors fade to.
     """

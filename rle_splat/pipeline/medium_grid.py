@@ -104,7 +104,9 @@ def shadow_factors(scene: Scene, lights) -> tuple[int, int, int]:
 
 
 def medium_steps(scene: Scene, quality: Quality, factors, add, cache: StageCache | None = None):
-    """Generator of Progress: make the grid of a scene's medium.
+    """Generator of Progress: make the grid of a scene's medium; returns the number of visible voxels.
+
+    A mean of extinctions keeps the optical depth of what is averaged.
 
     Parameters
     ----------
@@ -116,19 +118,10 @@ def medium_steps(scene: Scene, quality: Quality, factors, add, cache: StageCache
     cache : StageCache, optional
         Shared with pictures, which have most stages in common.
 
-    Returns
-    -------
-    int
-        Number of visible voxels of the volume.
-
     Raises
     ------
     RleSplatError
         If the volume is a .rle file, or there is not enough memory.
-
-    Notes
-    -----
-    A mean of extinctions keeps the optical depth of what is averaged.
     """
     if not scene.volume.holds_values:
         raise RleSplatError("A .rle file holds no values to make a grid of; import the scan that it was made from.")

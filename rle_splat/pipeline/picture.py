@@ -24,9 +24,6 @@ class Picture:
         With the volume itself, and the crop that was asked for.
     source : Source
         With the voxels that are splatted and the pixels that are made, which may be more than the wanted ones.
-    view : View
-    ray_effects : RayEffects
-    work : Work
     """
 
     wanted: Scene

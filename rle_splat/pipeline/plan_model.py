@@ -116,7 +116,6 @@ class Features:
 
     Attributes
     ----------
-    classification : str
     depth_step, sheet_step : float
         Levels: the largest difference of the pilots of two depth rules, and of two sheet densities.
     pixels_per_voxel : float
@@ -187,7 +186,6 @@ class Model:
 
     Attributes
     ----------
-    classification : str
     depth : dict
         Depth rule -> its error over the features' ``depth_step``.
     warp : dict

@@ -26,8 +26,6 @@ class ScalarChannel:
 
     Attributes
     ----------
-    volume : Volume
-    function : TransferFunction
     voxels : VisibleVoxels
         The kept voxels of all channels, with this one's stored values.
     reach : Reach
@@ -36,7 +34,6 @@ class ScalarChannel:
         Smallest and largest stored value that is splatted.
     infinite : tuple of float
         Stored values that stand for minus and plus infinity; empty where nothing is infinite.
-    transfer : LookupTable
     """
 
     volume: Volume

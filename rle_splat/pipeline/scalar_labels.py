@@ -38,7 +38,6 @@ class LabelFunctions:
 
     Attributes
     ----------
-    labels : Labels
     functions : tuple of TransferFunction or None
         Number 0 is the scene's own; None hides.
     known : (k,) ndarray of integers
@@ -75,7 +74,12 @@ class LabelFunctions:
     @cached_property
     def key(self) -> tuple:
         """All that decides which function a point belongs to."""
-        return self.labels.volume.key, tuple(self.known), tuple(self.numbers), self.labels.smooth
+        return self.labels.volume.key, tuple(self.known), tuple(self.numbers), tuple(self.outside), self.labels.smooth
+
+    @property
+    def outside(self) -> np.ndarray:
+        """(functions,) bool: the scene's own function, and that which hides."""
+        return np.array([number == 0 or function is None for number, function in enumerate(self.functions)])
 
     @cached_property
     def functions_key(self) -> tuple:
@@ -97,7 +101,7 @@ class LabelFunctions:
     def cell_steps(self):
         """Generator of fractions done: the LabelCells."""
         shape = self.labels.volume.shape_xyz
-        return cell_steps(self.numbers_of, len(self.functions), shape, self.labels.smooth)
+        return cell_steps(self.numbers_of, self.outside, shape, self.labels.smooth)
 
     def reach(self, volume) -> Reach:
         """Of what the functions of labels show, all together."""
@@ -127,8 +131,6 @@ class ScalarLabels:
 
     Attributes
     ----------
-    functions : LabelFunctions
-    cells : LabelCells
     tables : tuple of LookupTable
         One for each function.
     """

@@ -23,7 +23,7 @@ from ..scene import Scene
 from ..shade.light_nodes import read_nodes_steps
 from ..shade.sample_light import NORMAL, ONE, SampleLight, sample_light
 from ..shade.surface_normals import automatic_sigma, surface_steps
-from ..shade.surface_points import faces_of, place_steps, shown_ranges
+from ..shade.surface_points import faces_of, place_steps, points_for, shown_ranges
 from .shadows import TRACED, Arriving, arriving_steps, casting, shadow_count, traced_steps
 from .source import Work, array_key
 from .stage_cache import Job
@@ -105,17 +105,18 @@ def code_steps(scene: Scene, scalars, occluders: Occluders, side: int, work: Wor
     if not shaded:
         return placed.codes, normals_key
     if side == TRACED:
-        steps = traced_steps(scene, occluders, placed.offsets, normals_key, job, clock)
+        steps = traced_steps(scene, occluders, placed.points(matrix), normals_key, job, clock)
     else:
         steps = arriving_steps(scene, occluders, job, clock, side)
     arriving = yield from announce(steps, 0.1, 0.1, "Casting shadows")
     key = normals_key, side, tuple(one.key for one in arriving)
-    steps = job.steps("codes", (key, IN_ROWS), lambda: _join_steps(placed, scalars.voxels, key, arriving, job, threads))
+    given = placed, scene, scalars.voxels, key, arriving, job, threads
+    steps = job.steps("codes", (key, IN_ROWS), lambda: _join_steps(*given))
     with clock.stage("shade"):
         return (yield from announce(steps, 0.1, 0.1, "Casting shadows")), key
 
 
-def _join_steps(placed: Placed, voxels, key, arriving: list[Arriving], job: Job, threads: int):
+def _join_steps(placed: Placed, scene: Scene, voxels, key, arriving: list[Arriving], job: Job, threads: int):
     """Generator of fractions: codes of normals and of what arrives beside the voxels, (m, channels) int16.
 
     Channels that earlier codes have, before a lamp moved, are copied.
@@ -128,7 +129,8 @@ def _join_steps(placed: Placed, voxels, key, arriving: list[Arriving], job: Job,
 
     codes = empty((len(voxels), NORMAL + len(keys)), np.int16)
     held_key = job.latest("codes", serves)
-    known, anew = placed.codes, range(len(keys))
+    known, anew, points = placed.codes, range(len(keys)), placed.points(scene.index_to_world)
+    lights = [scene.lights[number] for number in casting(scene)] + [None] * len(keys)  # U and O: off the surface
     if held_key is not None:
         known, held = job.get("codes", held_key, None), held_key[0][2]
         anew = [plane for plane in anew if held[plane] != keys[plane]]
@@ -143,7 +145,7 @@ def _join_steps(placed: Placed, voxels, key, arriving: list[Arriving], job: Job,
                 codes[part, NORMAL + plane] = _weaken(one.codes[part], one.strength)
             continue
         steps = read_nodes_steps(
-            one.codes, side, one.strength, voxels, placed.offsets, None if n else known, codes, NORMAL + plane,
+            one.codes, side, one.strength, voxels, points(lights[plane]), None if n else known, codes, NORMAL + plane,
             threads=threads,
         )  # fmt: skip
         yield from map_steps(steps, lambda fraction, n=n: (n + fraction) / len(anew))
@@ -160,6 +162,10 @@ class Placed:
 
     def __init__(self, codes: np.ndarray, offsets: np.ndarray | None):
         self.codes, self.offsets = codes, offsets
+
+    def points(self, index_to_world):
+        """A function from a Light, or None, to where it is read beside the voxels."""
+        return lambda light: points_for(light, self.codes, self.offsets, index_to_world)
 
     @property
     def nbytes(self) -> int:

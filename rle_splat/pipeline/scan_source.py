@@ -49,8 +49,6 @@ class LitVolume:
 
     Attributes
     ----------
-    source : ScanSource
-    classified : ClassifiedVolume
     falling : Lighting or None
         None where nothing shines.
     visible_key, key : tuple

@@ -132,10 +132,6 @@ class _Layer:
 def find_shared_pixels(scenes: list[Scene]) -> tuple[int, int, int, int] | None:
     """The pixels that may show more than one of several volumes.
 
-    Parameters
-    ----------
-    scenes : list of Scene
-
     Returns
     -------
     (left, top, right, bottom) or None
@@ -184,7 +180,6 @@ def cut_spans(scenes: list[Scene], numbers: list[int], most: int) -> list[tuple]
 
     Parameters
     ----------
-    scenes : list of Scene
     numbers : list of int
         Of the scenes.
     most : int

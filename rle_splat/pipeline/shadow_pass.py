@@ -16,7 +16,7 @@ FAINTEST = 1e-6  # light of a pixel, red, green and blue together, below which i
 
 
 def shadow_pass_steps(scene: Scene, quality: Quality, cache: StageCache | None = None):
-    """Generator of Progress: render a scene with and without its shadows.
+    """Generator of Progress: render a scene with and without its shadows; RleSplatError for a scene without shadows.
 
     Everything but light is made once for both pictures.  Both are made of sheets alone, because the light decides which
     pixels are steep enough for single rays.
@@ -28,11 +28,6 @@ def shadow_pass_steps(scene: Scene, quality: Quality, cache: StageCache | None =
     (H, W) float32
         The share of each pixel's light that shadows and ambient occlusion take away: 1 less the picture's light over
         that of the same picture without them, red, green and blue together; 0 where there is no light.
-
-    Raises
-    ------
-    RleSplatError
-        For a scene without shadows.
     """
     if not shadow_count(analyze_effects(scene, quality)[1]):
         raise RleSplatError("There is no shadow pass without shadows: turn on shadows or ambient occlusion.")

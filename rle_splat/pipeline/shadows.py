@@ -63,35 +63,36 @@ class Arriving(NamedTuple):
     key: tuple
 
 
-def traced_steps(scene: Scene, occluders: Occluders, offsets, offsets_key, job: Job, clock: Clock):
+def traced_steps(scene: Scene, occluders: Occluders, points, points_key, job: Job, clock: Clock):
     """Generator of fractions done: as ``arriving_steps``, traced beside each voxel.
 
-    ``offsets``: (m, 3) int16, to where light is traced; ``offsets_key``: what they depend on.
+    ``points``: from a light of the scene, or None, to the Points where light is traced; ``points_key``: what all of
+    them depend on.
     """
-    scattered, found = scene.indirect_light > 0.0, []
+    found = []
 
-    def trace(light):
+    def trace(light, scattered=False):
         def make():
             extinction = yield from map_steps(occluders.find_extinction(), lambda _: 0.0)
             return (yield from brick_steps(occluders.voxels, extinction, threads=occluders.threads))
 
         bricks = yield from job.steps("bricks", occluders.medium_key, make)
-        return (yield from traced_light_steps(light, occluders, bricks, offsets, scattered and light is not None))
+        where = points(None if scattered else light)
+        return (yield from traced_light_steps(light, occluders, bricks, where, scattered))
 
-    for number in casting(scene):
-        light = scene.lights[number]
-        key = (occluders.key, TRACED, offsets_key, _light_key(light), scattered)
-        steps = job.steps("shadows", key, partial(trace, light))
-        with clock.stage("shadows"):
-            codes = yield from steps
-        found.append([Arriving(of, 1.0, (*key, number)) for number, of in enumerate(codes)])
-    found = [one for kind in zip(*found) for one in kind]
+    for scattered in (False, True)[: 1 + (scene.indirect_light > 0.0)]:
+        for number in casting(scene):
+            light = scene.lights[number]
+            key = (occluders.key, TRACED, points_key, _light_key(light), scattered)
+            steps = job.steps("shadows", key, partial(trace, light, scattered))
+            with clock.stage("shadows"):
+                found.append(Arriving((yield from steps), 1.0, key))
     if scene.ambient_occlusion > 0.0:
-        key = (occluders.key, TRACED, offsets_key)
+        key = (occluders.key, TRACED, points_key)
         steps = job.steps("ambient occlusion", key, partial(trace, None))
         with clock.stage("ambient occlusion"):
             codes = yield from steps
-        found.append(Arriving(codes[0], scene.ambient_occlusion, (*key, scene.ambient_occlusion)))
+        found.append(Arriving(codes, scene.ambient_occlusion, (*key, scene.ambient_occlusion)))
     return found
 
 

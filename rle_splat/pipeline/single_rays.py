@@ -15,7 +15,7 @@ from ..raycast.rays import rays_through
 from ..runtime.figures import percent_text
 from ..runtime.steps import Clock, Progress
 from ..runtime.work_sizes import RAYS_AT_ONCE
-from ..scene import NO_DEPTH, Quality, Scene, midpoints_of
+from ..scene import NO_DEPTH, Scene, midpoints_of
 from ..view.base_plane import base_plane
 from ..view.eye import IndexView
 from ..view.principal_axis import candidate_pyramids, dominant_axis
@@ -142,18 +142,14 @@ def retrace_steps(source: Source, wanted, view: IndexView, medium: Medium, rgba,
         most = most_in_tile(scene.width, scene.height, quality.rays)
         steep = steep_pixels(rgba, quality.rays, most, (left, top), quality.threads)[inner]
         rgba, depth = (np.ascontiguousarray(values[inner]) for values in (rgba, depth))
-        where, planes, slabs = np.flatnonzero(steep), {}, _slabs_of(quality)
+        # Slabs per voxel of depth along a quality's own rays: twice its sheets, and enough to err less than these
+        where, planes, slabs = np.flatnonzero(steep), {}, max(LEAST_SLABS, 2 * (midpoints_of(quality.depth_rule) or 1))
         for first in range(0, len(where), RAYS_AT_ONCE):
             yield Progress(0.95 + 0.04 * first / len(where), "Computing exact pixels")
             rows, columns = np.divmod(where[first : first + RAYS_AT_ONCE], steep.shape[1])
             pixels = columns + inner[1].start, rows + inner[0].start
             rgba[rows, columns], depth[rows, columns] = _trace(scene, view, medium, planes, *pixels, slabs)
     return rgba, depth, {"pixels": len(where), "share": len(where) / max(steep.size, 1), "slabs": slabs}
-
-
-def _slabs_of(quality: Quality) -> int:
-    """Slabs per voxel of depth along a quality's own rays: twice its sheets, and enough to err less than these."""
-    return max(LEAST_SLABS, 2 * (midpoints_of(quality.depth_rule) or 1))
 
 
 def describe_rays(rays: dict | None) -> list[str]:

@@ -40,8 +40,6 @@ def color_of(number: int, count: int, stated=()) -> tuple | None:
 def ome_colors(description: str) -> tuple:
     """The colors that the OME-XML of one image states for its channels, sRGB or None for each.
 
-    Notes
-    -----
     ``Color`` is a signed number of 32 bits, red in its highest byte and alpha in its lowest (OME schema 2016-06). White
     is its default. Without another color, the band of ``EmissionWavelength`` counts.
     """

@@ -22,10 +22,6 @@ def find_data_files(path: Path, given: str, listed) -> list[Path]:
         A name, a pattern such as ``a%03d.raw 1 20 1``, or ``LIST`` with the names in ``listed``.
     listed : sequence of str
 
-    Returns
-    -------
-    list of Path
-
     Raises
     ------
     RleSplatError

@@ -23,7 +23,6 @@ class Head:
 
     Attributes
     ----------
-    path : Path
     stored : bytes
         The first bytes as they are in the file.
     content : bytes
@@ -76,10 +75,8 @@ class Format:
 
     Attributes
     ----------
-    name : str
     suffixes : tuple of str
         With the leading dot, lower case.
-    description : str
     options : tuple of str
         Options that ``read_steps`` takes itself. LEVEL and those of MEANING_OPTIONS and PLACE_OPTIONS that it does not
         take are applied to its result.

@@ -72,7 +72,6 @@ class RawGuess:
     dtype : str or None
         One of STORED_TYPES; None if nothing indicates a type.
     byte_order : {"little", "big"}
-    header_bytes : int
     spacing : (sx, sy, sz) or None
         Spacing in the file's name.
     certain : bool
@@ -97,22 +96,16 @@ class RawGuess:
 
 
 def guess_raw(
-    path, shape=None, dtype=None, byte_order=None, header_bytes=None, limit: int = DEFAULT_COUNT_LIMIT
+    path: str | Path, shape=None, dtype=None, byte_order=None, header_bytes=None, limit: int = DEFAULT_COUNT_LIMIT
 ) -> RawGuess:
-    """Guess the layout of a raw file.
+    """Guess the layout of a raw file; RleSplatError if a known part is out of range or the file cannot be read.
 
     Parameters
     ----------
-    path : str or Path
     shape, dtype, byte_order, header_bytes
         Known parts of the layout, as in RawLayout; None for unknown parts, which are guessed.
     limit : int
         Bytes after which counting the size of a packed file stops.
-
-    Raises
-    ------
-    RleSplatError
-        If a known part is out of range or the file cannot be read.
     """
     return drain(guess_raw_steps(path, shape, dtype, byte_order, header_bytes, limit))
 
@@ -380,12 +373,11 @@ def _readings(sample: bytes, skip: int, dtypes, orders) -> dict:
     return found
 
 
-def layout_steps(path, shape=None, dtype=None, byte_order=None, header_bytes=None):
+def layout_steps(path: str | Path, shape=None, dtype=None, byte_order=None, header_bytes=None):
     """Generator of Progress: complete the layout of a raw file by a guess.
 
     Parameters
     ----------
-    path : str or Path
     shape, dtype, byte_order, header_bytes
         Known parts of the layout, as in RawLayout; None for unknown parts.
 

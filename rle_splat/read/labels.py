@@ -141,7 +141,7 @@ def is_label_text(path) -> bool:
 
 
 def read_label_text(path) -> tuple[tuple[NamedLabel, bool], ...]:
-    """Read a label description file of ITK-SNAP.
+    """Read a label description file of ITK-SNAP; RleSplatError if the file cannot be read or holds no such row.
 
     Parameters
     ----------
@@ -152,11 +152,6 @@ def read_label_text(path) -> tuple[tuple[NamedLabel, bool], ...]:
     -------
     tuple of (NamedLabel, bool)
         Each label and whether it is visible.
-
-    Raises
-    ------
-    RleSplatError
-        If the file cannot be read or holds no such row.
     """
     rows = [found for line in _lines(path) if (found := ROW.match(line))]
     if not rows:

@@ -33,7 +33,7 @@ def open_bytes(path):
 
 @dataclass(frozen=True)
 class RawLayout:
-    """How the bytes of a raw file become voxels.
+    """How the bytes of a raw file become voxels; RleSplatError if a value is out of range.
 
     Parameters
     ----------
@@ -43,11 +43,6 @@ class RawLayout:
     byte_order : {"little", "big"}
     header_bytes : int
         Bytes before the first voxel.
-
-    Raises
-    ------
-    RleSplatError
-        If a value is out of range.
     """
 
     shape: tuple

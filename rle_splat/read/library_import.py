@@ -24,7 +24,7 @@ LEFT_OUT = ("tests", "testing", "benchmarks", "cli", "cmdline", "sr")
 
 
 def library_steps(name: str, package: str, formats: str):
-    """Generator of Progress: ``header.library`` in steps.
+    """Generator of Progress: ``header.library`` in steps; RleSplatError if this Python lacks the library.
 
     Parameters
     ----------
@@ -36,11 +36,6 @@ def library_steps(name: str, package: str, formats: str):
     Returns
     -------
     module
-
-    Raises
-    ------
-    RleSplatError
-        If this Python lacks the library.
     """
     if name not in sys.modules:
         doing = Progress(0.0, f"Loading {package}")

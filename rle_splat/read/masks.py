@@ -25,12 +25,8 @@ def reads_mask_folder(path: Path) -> bool:
     return len(_masks(path)) >= 2
 
 
-def read_masks_steps(path):
+def read_masks_steps(path: str | Path):
     """Generator of Progress: read a folder of masks; return a label map.
-
-    Parameters
-    ----------
-    path : str or Path
 
     Returns
     -------

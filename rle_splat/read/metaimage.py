@@ -13,18 +13,9 @@ import numpy as np
 from ..runtime.steps import Progress
 from ..scene import RleSplatError
 from ..volume.volume import PATIENT, Volume
+from . import header
 from .datafiles import find_data_files, part_of
 from .format import GZIP_MAGIC, Head
-from .header import (
-    MILLIMETERS,
-    check_affine,
-    check_frame,
-    check_grid,
-    check_kind,
-    damage_error,
-    frame_remark,
-    sensible_spacing,
-)
 from .layers import layer_steps
 from .layout import UNREADABLE, unreadable
 from .streaming import plain_name, voxel_steps
@@ -54,7 +45,7 @@ def _read_header(path: Path) -> tuple[dict, list[str], int]:
                 name, equals, value = _decode(line).partition("=")
                 end = stream.tell()
                 if not equals or end > MOST_HEADER:
-                    raise damage_error(path, "it does not end with ElementDataFile")
+                    raise header.damage_error(path, "it does not end with ElementDataFile")
                 fields[name.strip().lower()] = value.strip()
                 if name.strip().lower() == "elementdatafile":
                     break
@@ -86,13 +77,13 @@ def _numbers(path, fields: dict, names, count: int, default):
     except ValueError:
         numbers = []
     if len(numbers) < count:
-        raise damage_error(path, f"its {names[0]} should be {count} numbers")
+        raise header.damage_error(path, f"its {names[0]} should be {count} numbers")
     return numbers[:count]
 
 
 def _geometry(path, fields: dict, count: int):
     """The affine to LPS millimeters and the space; returns (affine, unit, space, remarks)."""
-    spacing, remarks = sensible_spacing(
+    spacing, remarks = header.sensible_spacing(
         _numbers(path, fields, ("elementspacing", "elementsize"), count, [math.nan] * count)[:3]
     )
     matrix = _numbers(path, fields, ("transformmatrix", "orientation", "rotation"), count * count, None)
@@ -102,8 +93,8 @@ def _geometry(path, fields: dict, count: int):
     affine[:3, :3] = axes.T * spacing
     affine[:3, 3] = offset[:3]
     unit = fields.get("distanceunits", "mm").lower()
-    scale = MILLIMETERS.get(unit, 1.0)
-    affine = check_affine(path, np.diag((scale, scale, scale, 1.0)) @ affine)
+    scale = header.MILLIMETERS.get(unit, 1.0)
+    affine = header.check_affine(path, np.diag((scale, scale, scale, 1.0)) @ affine)
     return affine, "mm", None if matrix is None else PATIENT, remarks
 
 
@@ -150,22 +141,22 @@ def read_metaimage_steps(path, frame=None):
     fields, listed, end = _read_header(path)
     words = fields.get("dimsize", "").split()
     if not 2 <= len(words) <= 4 or not all(re.fullmatch(r"\d{1,9}", word) for word in words):
-        raise damage_error(path, "its DimSize should be three numbers, or four")
+        raise header.damage_error(path, "its DimSize should be three numbers, or four")
     sizes = [int(word) for word in words]
-    shape = check_grid(path, (sizes + [1])[:3])
+    shape = header.check_grid(path, (sizes + [1])[:3])
     kind = TYPES.get(re.sub("_ARRAY$", "", fields.get("elementtype", "")))
     if kind is None:
         raise RleSplatError(f"The voxels of {path.name} are {fields.get('elementtype')}, which cannot be read.")
     if fields.get("binarydata", "true").lower() == "false":
         raise RleSplatError(f"The voxels of {path.name} are text; save it with binary data.")
     msb = fields.get("binarydatabyteordermsb", fields.get("elementbyteordermsb", "false")).lower() == "true"
-    dtype = check_kind(path, np.dtype((">" if msb else "<") + kind))
+    dtype = header.check_kind(path, np.dtype((">" if msb else "<") + kind))
     channels = int(_numbers(path, fields, ("elementnumberofchannels",), 1, (1,))[0])
     if channels in COLOR_CHANNELS and dtype.itemsize == 1:
         raise RleSplatError(f"The voxels of {path.name} are colors; export one number for each voxel.")
     affine, unit, space, remarks = _geometry(path, fields, len(sizes))
     frames = channels if channels > 1 else (sizes[3] if len(sizes) == 4 else 1)
-    frame = check_frame(path, frame, frames)
+    frame = header.check_frame(path, frame, frames)
     each = math.prod(shape) * dtype.itemsize
     parts = _parts(path, fields, listed, end, each * frames)
     if channels > 1:
@@ -175,5 +166,5 @@ def read_metaimage_steps(path, frame=None):
     return Volume(
         voxels=voxels, affine=affine, unit=unit, name=plain_name(path), space=space, frames=frames,
         modality=MODALITIES.get(fields.get("modality", "")), data_files=tuple(part.path for part in parts),
-        remarks=remarks + frame_remark(frame, frames, "time" if channels == 1 else "channel"),
+        remarks=remarks + header.frame_remark(frame, frames, "time" if channels == 1 else "channel"),
     )  # fmt: skip

@@ -29,12 +29,13 @@ def recognizes_mgh(head: Head) -> bool:
     return version == VERSION and kind in TYPES and given in (0, 1) and all(0 < n < 1 << 16 for n in sizes)
 
 
-def read_mgh_steps(path, frame=None):
+def read_mgh_steps(path: str | Path, frame=None):
     """Generator of Progress: read an MGH or MGZ file; return the Volume.
+
+    The header gives the place of voxel (nx/2, ny/2, nz/2), the center, in RAS (FreeSurfer's description of the format).
 
     Parameters
     ----------
-    path : str or Path
     frame : int or None
         The volume of a file with several frames, from 1; None for the first.
 
@@ -47,10 +48,6 @@ def read_mgh_steps(path, frame=None):
     ------
     RleSplatError
         If the file is damaged, cut short, or of another kind.
-
-    Notes
-    -----
-    The header gives the place of voxel (nx/2, ny/2, nz/2), the center, in RAS (FreeSurfer's description of the format).
     """
     path = Path(path)
     yield Progress(0.0, f"reading {path.name}")

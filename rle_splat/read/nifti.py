@@ -222,16 +222,14 @@ def named_labels(extension: bytes) -> tuple[NamedLabel, ...]:
 def write_nifti_steps(volume: Volume, path):
     """Generator of Progress: write a NIfTI file with the stored values, the affine, slope and intercept.
 
+    NIfTI-1, or NIfTI-2 where an axis is longer than 32767 voxels. The affine goes into the sform, and into the qform
+    too if it has no shear, since some programs read that alone. Names of labels go into an extension of the header, as
+    those of TotalSegmentator and the Connectome Workbench do.
+
     Returns
     -------
     dict
         Options of ``read_volume`` for what the format does not store.
-
-    Notes
-    -----
-    NIfTI-1, or NIfTI-2 where an axis is longer than 32767 voxels. The affine goes into the sform, and into the qform
-    too if it has no shear, since some programs read that alone. Names of labels go into an extension of the header, as
-    those of TotalSegmentator and the Connectome Workbench do.
     """
     header, extension = _header_of(volume), _label_table(volume.named_labels)
     header["vox_offset"] += len(extension)

@@ -17,19 +17,9 @@ from ..runtime.memory import available_bytes, bytes_text
 from ..runtime.steps import Progress
 from ..scene import RleSplatError
 from ..volume.volume import Volume
+from . import header
 from .channel_colors import color_of, hex_colors
 from .format import Head
-from .header import (
-    MILLIMETERS,
-    check_frame,
-    check_grid,
-    check_kind,
-    damage_error,
-    frame_remark,
-    place_of_frame,
-    put_time_first,
-    sensible_spacing,
-)
 from .streaming import allocate, grid_text, plain_name, storable_steps
 
 SUFFIXES = (".zarr", "zarr.json", ".zattrs")  # of a folder, and of the files in it that may be chosen instead
@@ -113,26 +103,26 @@ def read_ome_zarr_steps(path, level=None, frame=None, scratch=None, quick=False)
     pyramid = read_pyramid(path)
     arrays = _open(pyramid)
     shapes = [_shape_of(path, pyramid, array) for array in arrays]
-    check_grid(path, shapes[0])
-    dtype = check_kind(path, np.dtype(arrays[0].dtype)).newbyteorder("=")
+    header.check_grid(path, shapes[0])
+    dtype = header.check_kind(path, np.dtype(arrays[0].dtype)).newbyteorder("=")
     sizes = [math.prod(shape) * dtype.itemsize for shape in shapes]
     if level is not None and not 0 <= level < len(arrays):
         raise RleSplatError(f"There is no level {level}: {path.name} has {len(arrays)}; give one from 0.")
     chosen = _choose(shapes, sizes, quick) if level is None else int(level)
     array, shape = arrays[chosen], shapes[chosen]
     lengths = dict(zip(pyramid.axes, array.shape))
-    others = {name: lengths[name] for name in put_time_first(name for name in pyramid.axes if name not in SPACE)}
+    others = {name: lengths[name] for name in header.put_time_first(name for name in pyramid.axes if name not in SPACE)}
     frames = math.prod(others.values())
-    number = check_frame(path, frame, frames)
+    number = header.check_frame(path, frame, frames)
     several = [{"t": "time", "c": "channel"}.get(name, name) for name, n in others.items() if n > 1]
     differ_in = " and ".join(several) or "time"
     affine, unit, remarks = _geometry(pyramid, chosen)
     remarks += _level_remarks(shapes, sizes, chosen, level, quick)
-    place = place_of_frame(number, others)
+    place = header.place_of_frame(number, others)
     voxels = yield from _voxel_steps(path, pyramid, array, shape, dtype, place, scratch)
     return Volume(
         voxels=voxels, affine=affine, unit=unit, name=plain_name(path), frames=frames, frame_axis=differ_in,
-        remarks=(*remarks, *frame_remark(number, frames, differ_in)), levels=tuple(shapes),
+        remarks=(*remarks, *header.frame_remark(number, frames, differ_in)), levels=tuple(shapes),
         color=color_of(place.get("c", 0), others.get("c", 1), pyramid.colors),
     )  # fmt: skip
 
@@ -163,7 +153,7 @@ def read_pyramid(path: Path) -> Pyramid:
         )
     for name in levels:
         if Path(name).is_absolute() or ".." in Path(name).parts:
-            raise damage_error(path, f"the level {name!r} lies outside of it")
+            raise header.damage_error(path, f"the level {name!r} lies outside of it")
     channels = facts.get("omero", {}).get("channels", ()) if isinstance(facts.get("omero"), dict) else ()
     colors = hex_colors(one.get("color") for one in channels if isinstance(one, dict))
     return Pyramid(path, names, units, levels, *zip(*placed), colors)
@@ -181,7 +171,7 @@ def _metadata(path: Path) -> dict:
         except OSError as problem:
             raise RleSplatError(f"Cannot read {file}: {problem.strerror}; check its permissions.") from None
         except ValueError:
-            raise damage_error(file, "it is not JSON") from None
+            raise header.damage_error(file, "it is not JSON") from None
         try:
             return dict(facts.get("attributes", {}).get("ome", {}) if name == "zarr.json" else facts)
         except (AttributeError, TypeError, ValueError):
@@ -215,13 +205,13 @@ def _place(count: int, own, shared) -> tuple[tuple, tuple]:
 def _geometry(pyramid: Pyramid, level: int):
     """The affine of a level: spacing and offset along x, y, z; returns (affine, unit, remarks)."""
     names = [_short(unit) for unit in pyramid.units[-3:]]
-    known = [name for name in names if name in MILLIMETERS or name == "angstrom"]
+    known = [name for name in names if name in header.MILLIMETERS or name == "angstrom"]
     remarks = () if len(known) == 3 else ("The file states no unit of length for some axes; mm is assumed.",)
     unit = "mm" if len(known) < 3 or len(set(known)) > 1 or known[0] == "angstrom" else known[0]
     # Axes of different units are all given in millimeters.
     factors = [1.0 if name == unit or name not in known else _millimeters(name) for name in names]
     lengths = [scale * factor for scale, factor in zip(pyramid.scales[level][-3:], factors)]
-    spacing, odd = sensible_spacing(lengths[::-1])
+    spacing, odd = header.sensible_spacing(lengths[::-1])
     affine = np.diag((*spacing, 1.0))
     offset = [place * factor for place, factor in zip(pyramid.offsets[level][-3:], factors)][::-1]
     affine[:3, 3] = np.where(np.isfinite(offset), offset, 0.0)
@@ -234,14 +224,14 @@ def _short(unit) -> str:
 
 
 def _millimeters(unit: str) -> float:
-    return ANGSTROM if unit == "angstrom" else MILLIMETERS[unit]
+    return ANGSTROM if unit == "angstrom" else header.MILLIMETERS[unit]
 
 
 def _shape_of(path: Path, pyramid: Pyramid, array) -> tuple:
     """(nx, ny, nz) of a level."""
     shape = tuple(array.shape)
     if len(shape) != len(pyramid.axes) or not all(1 <= n for n in shape):
-        raise damage_error(path, f"a level of {len(shape)} axes does not fit its {len(pyramid.axes)}")
+        raise header.damage_error(path, f"a level of {len(shape)} axes does not fit its {len(pyramid.axes)}")
     return shape[:-4:-1]
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from ..runtime.steps import Progress
 from ..scene import RleSplatError
 from ..volume.volume import Volume
+from . import streaming
 from .guess import guess_raw, layout_steps
 from .layout import (
     CHUNK_BYTES,
@@ -20,18 +21,6 @@ from .layout import (
     is_gzip,
     unreadable,
 )  # fmt: skip
-from .streaming import (
-    Part,
-    allocate,
-    bytes_held,
-    grid_text,
-    open_stream,
-    open_to_write,
-    plain_name,
-    storable_steps,
-    voxel_steps,
-    write_voxel_steps,
-)
 
 LAYOUT_OPTIONS = ("shape", "dtype", "byte_order", "header_bytes")
 COUNT_AT_LEAST = 1 << 28  # bytes; counting the unpacked size stops beyond this and beyond four times the expected size
@@ -97,14 +86,14 @@ def read_raw_steps(
         remarks += (f"No spacing was given; 1 x 1 x 1 {unit} is assumed.",)
         spacing = (1.0, 1.0, 1.0)
     spacing = check_spacing(spacing)
-    doing = f"reading {Path(path).name} ({grid_text(layout.shape, layout.file_dtype)})"
+    doing = f"reading {Path(path).name} ({streaming.grid_text(layout.shape, layout.file_dtype)})"
     yield Progress(0.0, doing)
     try:
         voxels = yield from (_gzip_steps if is_gzip(path) else _plain_steps)(path, layout, doing)
     except UNREADABLE as problem:
         raise unreadable(path, problem) from None
     return Volume(
-        voxels=voxels, affine=np.diag((*spacing, 1.0)), unit=unit, name=plain_name(path), remarks=remarks,
+        voxels=voxels, affine=np.diag((*spacing, 1.0)), unit=unit, name=streaming.plain_name(path), remarks=remarks,
     )  # fmt: skip
 
 
@@ -113,18 +102,22 @@ def _plain_steps(path, layout: RawLayout, doing: str):
     actual = os.path.getsize(path)
     if actual != layout.total_bytes:
         raise _wrong_size(path, layout, actual)
-    return (yield from voxel_steps(path, layout.shape, layout.file_dtype, [Part(path, layout.header_bytes)]))
+    return (
+        yield from streaming.voxel_steps(
+            path, layout.shape, layout.file_dtype, [streaming.Part(path, layout.header_bytes)]
+        )
+    )
 
 
 def _gzip_steps(path, layout: RawLayout, doing: str):
     """Generator of Progress: voxels (nz, ny, nx) of a gzip file."""
-    if layout.total_bytes > bytes_held(path, 0, "gzip"):  # impossible; report the true size, allocate nothing
+    if layout.total_bytes > streaming.bytes_held(path, 0, "gzip"):  # impossible; report the true size, allocate nothing
         raise _wrong_gzip_size(path, layout)
-    voxels = allocate(path, layout.shape, layout.file_dtype)
+    voxels = streaming.allocate(path, layout.shape, layout.file_dtype)
     target = memoryview(voxels.reshape(-1).view(np.uint8))
     scratch = memoryview(bytearray(min(CHUNK_BYTES, layout.header_bytes)))
     done = -layout.header_bytes
-    with open_stream(path, 0, "gzip") as source:
+    with streaming.open_stream(path, 0, "gzip") as source:
         while done < len(target):
             count = source.readinto(scratch[:-done] if done < 0 else target[done : done + CHUNK_BYTES])
             if not count:
@@ -133,23 +126,19 @@ def _gzip_steps(path, layout: RawLayout, doing: str):
             yield Progress(max(0.0, done / len(target)), doing)
         if source.readinto(memoryview(bytearray(1))):
             raise _wrong_gzip_size(path, layout)
-    return (yield from storable_steps(voxels, doing))
+    return (yield from streaming.storable_steps(voxels, doing))
 
 
-def write_raw_steps(volume: Volume, path):
+def write_raw_steps(volume: Volume, path: str | Path):
     """Generator of Progress: write the stored voxels, little-endian, x fastest, packed if the name ends in .gz.
-
-    Parameters
-    ----------
-    path : str or Path
 
     Returns
     -------
     dict
         Options of ``read_volume`` that are needed to read the file back, since a raw file stores none of them.
     """
-    with open_to_write(path) as stream:
-        yield from write_voxel_steps(volume.voxels, stream)
+    with streaming.open_to_write(path) as stream:
+        yield from streaming.write_voxel_steps(volume.voxels, stream)
     options = dict(
         shape=volume.shape_xyz, dtype=volume.voxels.dtype.name, byte_order="little",
         spacing=tuple(float(s) for s in volume.spacing), slope=volume.slope, intercept=volume.intercept,

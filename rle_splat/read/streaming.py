@@ -200,7 +200,6 @@ class Part:
 
     Attributes
     ----------
-    path : Path
     offset : int
         Bytes of the file before the data, or before the packed stream.
     packing : str or None

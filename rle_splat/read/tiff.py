@@ -13,20 +13,9 @@ import numpy as np
 from ..runtime.steps import Progress
 from ..scene import RleSplatError
 from ..volume.volume import Volume
+from . import header
 from .channel_colors import color_of, ome_colors
 from .format import Head
-from .header import (
-    MILLIMETERS,
-    check_frame,
-    check_grid,
-    check_kind,
-    damage_error,
-    frame_remark,
-    library,
-    place_of_frame,
-    put_time_first,
-    sensible_spacing,
-)
 from .layout import check_spacing
 from .sequence import LISTED, join_numbers
 from .streaming import EXPANSION, Part, allocate, grid_text, plain_name, storable_steps, voxel_steps
@@ -73,7 +62,7 @@ def is_page(path) -> bool:
     False for what ``read_tiff_steps`` refuses.
     """
     try:
-        tifffile = library("tifffile", "tifffile", "TIFF")
+        tifffile = header.library("tifffile", "tifffile", "TIFF")
         with _library(path), tifffile.TiffFile(path) as file:
             return _has_one_page(file)
     except RleSplatError:
@@ -113,7 +102,7 @@ def _library(path):
     except Exception as problem:  # on damaged data the library fails with exceptions of every kind
         if isinstance(problem, OSError) and problem.errno is not None:
             raise RleSplatError(f"Cannot read {path}: {problem.strerror}; check the path.") from None
-        raise damage_error(path, "it cannot be read as TIFF") from None
+        raise header.damage_error(path, "it cannot be read as TIFF") from None
     finally:
         logger.disabled = was
 
@@ -122,7 +111,7 @@ def _decode(path, page, number: int) -> np.ndarray:
     """(ny, nx): the values of a page, the ``number``-th of its file."""
     size = page.parent.filehandle.size
     if sum(page.databytecounts) > size or page.nbytes > EXPANSION["zlib"] * size:
-        raise damage_error(path, f"its page {number + 1} is larger than the file")
+        raise header.damage_error(path, f"its page {number + 1} is larger than the file")
     try:
         return page.asarray()
     except ValueError as problem:
@@ -143,7 +132,7 @@ def _by_openimageio(path, page, number: int) -> np.ndarray:
     source = OpenImageIO.ImageInput.open(str(path))
     values = None if source is None else source.read_image(number, 0, 0, 1, page.dtype.name)
     if values is None:
-        raise damage_error(path, f"its page {number + 1} cannot be decoded")
+        raise header.damage_error(path, f"its page {number + 1} cannot be decoded")
     return np.asarray(values).reshape(page.shape)
 
 
@@ -160,11 +149,11 @@ def _one_file_steps(path: Path, file, frame: int | None):
     lengths = dict(zip(axes[:-2], series.shape))
     longer = {axis: n for axis, n in lengths.items() if n > 1}
     depth = next((axis for axis in DEPTH_AXES if axis in longer), "")
-    others = put_time_first(axis for axis in longer if axis != depth)
+    others = header.put_time_first(axis for axis in longer if axis != depth)
     frames = math.prod(longer[axis] for axis in others)
-    shape = check_grid(path, (*series.shape[:-3:-1], longer.get(depth, 1)))
-    dtype = check_kind(path, np.dtype(series.dtype))
-    fixed = place_of_frame(check_frame(path, frame, frames), {axis: longer[axis] for axis in others})
+    shape = header.check_grid(path, (*series.shape[:-3:-1], longer.get(depth, 1)))
+    dtype = header.check_kind(path, np.dtype(series.dtype))
+    fixed = header.place_of_frame(header.check_frame(path, frame, frames), {axis: longer[axis] for axis in others})
     places = [[z if axis == depth else fixed.get(axis, 0) for axis in lengths] for z in range(shape[2])]
     numbers = [int(np.ravel_multi_index(place, list(lengths.values()))) for place in places]
     if series.dataoffset is not None and numbers[-1] - numbers[0] == shape[2] - 1:
@@ -172,7 +161,7 @@ def _one_file_steps(path: Path, file, frame: int | None):
         kind = dtype.newbyteorder(file.byteorder)
         voxels = yield from voxel_steps(path, shape, kind, [Part(path, offset)])
     elif len(pages) <= numbers[-1] or any(pages[number] is None for number in numbers):
-        raise damage_error(path, f"it announces {math.prod(lengths.values())} pages, and some are missing")
+        raise header.damage_error(path, f"it announces {math.prod(lengths.values())} pages, and some are missing")
     else:
         chosen = [(path, pages[number], number) for number in numbers]
         voxels = yield from _pages_steps(path, shape, dtype, chosen)
@@ -198,8 +187,8 @@ def _pages_steps(path: Path, shape, dtype: np.dtype, pages):
 
 def _files_steps(path: Path, files: list[Path], frame: int | None):
     """Generator of Progress: a stack of files with one page each; return (voxels, _TiffFacts)."""
-    check_frame(path, frame, 1)
-    tifffile = library("tifffile", "tifffile", "TIFF")
+    header.check_frame(path, frame, 1)
+    tifffile = header.library("tifffile", "tifffile", "TIFF")
     if len(files) > MOST_FILES:
         raise RleSplatError(f"{path.name} holds {len(files)} files; a stack has at most {MOST_FILES}.")
 
@@ -218,8 +207,8 @@ def _files_steps(path: Path, files: list[Path], frame: int | None):
         first = opened_file.pages[0]
         if len(first.shape) != 2:
             raise RleSplatError(f"The pages of {files[0].name} are colors; export one number for each pixel.")
-    shape = check_grid(path, (*first.shape[::-1], len(files)))
-    voxels = yield from _pages_steps(path, shape, check_kind(path, np.dtype(first.dtype)), pages())
+    shape = header.check_grid(path, (*first.shape[::-1], len(files)))
+    voxels = yield from _pages_steps(path, shape, header.check_kind(path, np.dtype(first.dtype)), pages())
     return voxels, _TiffFacts(remarks=_missing_remark(files))
 
 
@@ -257,19 +246,19 @@ def _spacing(file, index: int) -> tuple[tuple | None, str | None]:
             return None, None
         lengths = []
         for axis in "XYZ":
-            factor = MILLIMETERS.get(units.get(axis, "um"))
+            factor = header.MILLIMETERS.get(units.get(axis, "um"))
             lengths.append(1e3 * factor * float(sizes[axis]) if axis in sizes and factor else math.nan)
         return tuple(lengths), "um"
     facts = file.imagej_metadata or {}
     unit = str(facts.get("unit", "")).replace("\\u00B5", "u").lower()
-    if unit not in MILLIMETERS:
+    if unit not in header.MILLIMETERS:
         return None, None
     tags = file.pages[0].tags
     lengths = [facts.get("spacing", math.nan)]
     for name in ("YResolution", "XResolution"):
         over, under = tags[name].value if name in tags else (0, 1)
         lengths.append(under / over if over else math.nan)
-    factor = 1e3 * MILLIMETERS[unit]
+    factor = 1e3 * header.MILLIMETERS[unit]
     return tuple(factor * float(length) for length in lengths[::-1]), "um"
 
 
@@ -307,7 +296,7 @@ def read_tiff_steps(path, frame=None, spacing=None, unit=None):
     RleSplatError
         If the file is damaged, its pages differ, or they are colors.
     """
-    tifffile = library("tifffile", "tifffile", "TIFF")
+    tifffile = header.library("tifffile", "tifffile", "TIFF")
     path = Path(path)
     yield Progress(0.0, f"reading {path.name}")
     if path.is_dir():
@@ -326,7 +315,7 @@ def read_tiff_steps(path, frame=None, spacing=None, unit=None):
                 voxels, facts = yield from _one_file_steps(path, file, frame)
     remarks = facts.remarks
     if spacing is None and facts.spacing is not None:
-        spacing, more = sensible_spacing(facts.spacing)
+        spacing, more = header.sensible_spacing(facts.spacing)
         unit, remarks = unit or facts.unit, remarks + more
     elif spacing is None:
         spacing = (1.0, 1.0, 1.0)
@@ -334,5 +323,5 @@ def read_tiff_steps(path, frame=None, spacing=None, unit=None):
     return Volume(
         voxels=voxels, affine=np.diag((*check_spacing(spacing), 1.0)), unit=unit or "mm", name=plain_name(path),
         frames=facts.frames, frame_axis=facts.differ_in, color=facts.color,
-        remarks=remarks + frame_remark(frame or 1, facts.frames, facts.differ_in),
+        remarks=remarks + header.frame_remark(frame or 1, facts.frames, facts.differ_in),
     )  # fmt: skip

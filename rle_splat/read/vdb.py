@@ -120,12 +120,11 @@ def recognizes_vdb(head) -> bool:
     return head.stored.startswith(MAGIC)
 
 
-def read_vdb_steps(path, grid=None):
+def read_vdb_steps(path: str | Path, grid=None):
     """Generator of Progress: read one grid of an OpenVDB file; return the Volume.
 
     Parameters
     ----------
-    path : str or Path
     grid : str or None
         Name of the grid; ``name[1]`` is the second grid of that name. None for ``density``, or the first numeric grid.
 
@@ -232,25 +231,22 @@ def lost_in_vdb(volume: Volume) -> list[str]:
     return lost + [rounded] if rounded else lost
 
 
-def write_vdb_steps(volume: Volume, path):
+def write_vdb_steps(volume: Volume, path: str | Path):
     """Generator of Progress: write one sparse grid ``density`` of physical values.
+
+    Types of up to 16 bits and float32 are stored as float, other types as double. Where the OpenVDB module has no
+    DoubleGrid, they are stored as float too; see ``remark_on_rounding``.
 
     Parameters
     ----------
     volume : Volume
         Voxels equal to its background, and NaN, are not stored, so the file's active box may be smaller than the
         volume.
-    path : str or Path
 
     Returns
     -------
     dict
         Empty: no options are needed to read the file back.
-
-    Notes
-    -----
-    Types of up to 16 bits and float32 are stored as float, other types as double. Where the OpenVDB module has no
-    DoubleGrid, they are stored as float too; see ``remark_on_rounding``.
     """
     openvdb = load_openvdb()
     double = _needs_double(volume) and hasattr(openvdb, "DoubleGrid")

@@ -33,14 +33,10 @@ class _CutShort(Exception):
     """The file ends before what its header announces, or holds impossible values."""
 
 
-def check_header(path) -> None:
+def check_header(path: str | Path) -> None:
     """Check an OpenVDB file.
 
     Files of versions before 222 and files without offsets are only checked for the magic number.
-
-    Parameters
-    ----------
-    path : str or Path
 
     Raises
     ------

@@ -38,7 +38,7 @@ def hash_array(array: np.ndarray) -> bytes:
 
 
 def hash_plain(*values, without=()) -> str:
-    """Hash of plain data.
+    """Hash of plain data, hexadecimal, the same in every process.
 
     Parameters
     ----------
@@ -47,11 +47,6 @@ def hash_plain(*values, without=()) -> str:
         such as a volume, is hashed by that.
     without : collection of str
         Fields of dataclasses that do not count.
-
-    Returns
-    -------
-    str
-        Hexadecimal; the same one in every process.
     """
     total = hashlib.blake2b(digest_size=SIZE)
     for value in values:

@@ -210,16 +210,14 @@ def run_either(threads: int, kernel_function, reference, *arguments) -> None:
 def use_reference(wanted: bool = True):
     """Let the reference implementations in numpy do the work of this thread inside the block; for tests.
 
+    What counts is where work runs, not where it begins: a generator that is made in the block and drained after it
+    runs kernels, and each of its steps may differ.  The block must not contain a ``yield``: code of others would run
+    in it.  Results of both ways must not share a StageCache, whose keys do not tell them apart.
+
     Parameters
     ----------
     wanted : bool
         False changes nothing, so that one loop can go through both ways.
-
-    Notes
-    -----
-    What counts is where work runs, not where it begins: a generator that is made in the block and drained after it
-    runs kernels, and each of its steps may differ.  The block must not contain a ``yield``: code of others would run
-    in it.  Results of both ways must not share a StageCache, whose keys do not tell them apart.
     """
     before = _COMPILED.set(_COMPILED.get() and not wanted)
     try:

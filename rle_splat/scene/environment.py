@@ -13,6 +13,10 @@ SHAPES = {"first": (3, 3), "second": (3, 3, 3)}
 class Environment:
     """How a world's radiance differs by direction: its spherical harmonics of orders 1 and 2, as moments.
 
+    The nine harmonics up to order 2 hold the irradiance of a surface to about 1 % of its largest (Ramamoorthi and
+    Hanrahan, *An Efficient Representation for Irradiance Environment Maps*, 2001). That of order 0 is the mean, which
+    is ``Scene.world``. Moments hold the same numbers and need no table of normalizations.
+
     Parameters
     ----------
     first : (3, 3) array_like
@@ -25,12 +29,6 @@ class Environment:
     ------
     RleSplatError
         For another shape, or a number that is not finite.
-
-    Notes
-    -----
-    The nine harmonics up to order 2 hold the irradiance of a surface to about 1 % of its largest (Ramamoorthi and
-    Hanrahan, *An Efficient Representation for Irradiance Environment Maps*, 2001). That of order 0 is the mean, which
-    is ``Scene.world``. Moments hold the same numbers and need no table of normalizations.
     """
 
     first: np.ndarray

@@ -15,6 +15,9 @@ MIST_FALLOFFS = ("QUADRATIC", "LINEAR", "INVERSE_QUADRATIC")
 class Mist:
     """The mist of Blender's world: colors fade to one color with distance.
 
+    As in Cycles' mist pass, the distance is measured along the ray for a perspective camera and along the camera's
+    axis for an orthographic one.
+
     Parameters
     ----------
     start : float
@@ -30,11 +33,6 @@ class Mist:
     ------
     RleSplatError
         If a value is out of range.
-
-    Notes
-    -----
-    As in Cycles' mist pass, the distance is measured along the ray for a perspective camera and along the camera's
-    axis for an orthographic one.
     """
 
     start: float = 5.0

@@ -99,7 +99,7 @@ def preintegrated_of(depth_rule: str) -> int | None:
 
 
 def preset_knobs(name: str, classification: str = DEFAULT_CLASSIFICATION) -> dict:
-    """Values of PRESET_KNOBS that the quality preset ``name`` sets.
+    """Values of PRESET_KNOBS that the quality preset ``name`` sets; RleSplatError if there is no such preset.
 
     Parameters
     ----------
@@ -112,11 +112,6 @@ def preset_knobs(name: str, classification: str = DEFAULT_CLASSIFICATION) -> dic
     -------
     dict
         Field of Quality -> value.
-
-    Raises
-    ------
-    RleSplatError
-        If there is no such preset.
     """
     if name not in QUALITY_PRESETS:
         raise RleSplatError(f"There is no quality {name!r}; choose {', '.join(QUALITY_PRESETS)}.")
@@ -173,6 +168,13 @@ def midpoints_of(depth_rule: str) -> int | None:
 class Quality:
     """Settings that trade time for accuracy. The command line and the panel use the same names.
 
+    ``depth_rule``, ``sheet_density``, ``warp_filter``, ``termination`` and ``rays`` that are None take their value from
+    the preset "standard".
+
+    Single rays are limited to the 64 steepest pixels of each 16 x 16 pixels of the frame, so that a noisy picture,
+    which is steep everywhere, does not trace a ray for every pixel. Frames of fewer than 512 x 512 pixels have a
+    proportionally larger limit, up to 65536 rays.
+
     Parameters
     ----------
     classification : {"post", "pre"}
@@ -225,15 +227,6 @@ class Quality:
     ------
     RleSplatError
         If a value is out of range, or two settings exclude each other.
-
-    Notes
-    -----
-    ``depth_rule``, ``sheet_density``, ``warp_filter``, ``termination`` and ``rays`` that are None take their value from
-    the preset "standard".
-
-    Single rays are limited to the 64 steepest pixels of each 16 x 16 pixels of the frame, so that a noisy picture,
-    which is steep everywhere, does not trace a ray for every pixel. Frames of fewer than 512 x 512 pixels have a
-    proportionally larger limit, up to 65536 rays.
     """
 
     classification: str = DEFAULT_CLASSIFICATION

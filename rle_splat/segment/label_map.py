@@ -41,7 +41,7 @@ def free_number(labels: Volume) -> int:
 
 
 def put_segment(labels: Volume, number: int, mask: np.ndarray, over_others: bool = True) -> Volume:
-    """Make the voxels of a mask those of a segment.
+    """Make the voxels of a mask those of a segment of a new label map, of a wider type if the number needs one.
 
     Parameters
     ----------
@@ -52,11 +52,6 @@ def put_segment(labels: Volume, number: int, mask: np.ndarray, over_others: bool
     mask : (nz, ny, nx) ndarray of bool
     over_others : bool
         Whether the segment takes the voxels of other segments; otherwise it takes those of the background alone.
-
-    Returns
-    -------
-    Volume
-        A new label map, in a wider type if the number needs one.
 
     Raises
     ------

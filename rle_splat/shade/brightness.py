@@ -12,7 +12,11 @@ OF_SPHERE = 2.0 / 3.0  # mean radiance of a white Lambert sphere whose light com
 
 
 def relative_brightness(falling: Lighting, point) -> float:
-    """The diffuse light on a white sphere as the eye sees it, over that of a headlight.
+    """The diffuse light, without shadows, on a white sphere as the eye sees it; 1 is that of one headlight.
+
+    A Lambert sphere whose light and eye are apart by the angle a has (sin a + (pi - a) cos a) / pi of the brightness
+    that it has for a = 0 (its phase function).  Two-sided surfaces are lit from behind, too, which adds the same of
+    pi - a.  A sphere under a sky of uniform radiance W has the mean radiance W.
 
     Parameters
     ----------
@@ -20,17 +24,6 @@ def relative_brightness(falling: Lighting, point) -> float:
         Of the lights; ambient light that belongs to the material does not count.
     point : (3,) array_like
         The sphere's middle in the world; its radius does not matter.
-
-    Returns
-    -------
-    float
-        1 for one headlight; shadows are not considered.
-
-    Notes
-    -----
-    A Lambert sphere whose light and eye are apart by the angle a has (sin a + (pi - a) cos a) / pi of the brightness
-    that it has for a = 0 (its phase function).  Two-sided surfaces are lit from behind, too, which adds the same of
-    pi - a.  A sphere under a sky of uniform radiance W has the mean radiance W.
     """
     points = np.asarray(point, np.float64)[None]
     eye = unit_vectors(falling.eye[:3] - falling.eye[3] * points)[0]

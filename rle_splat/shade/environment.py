@@ -30,10 +30,6 @@ PRODUCTS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))
 def terms_of(environment: Environment | None) -> np.ndarray:
     """Coefficients of B(n) - m.
 
-    Parameters
-    ----------
-    environment : Environment or None
-
     Returns
     -------
     (3, TERMS) ndarray of float64
@@ -88,6 +84,8 @@ def _matrices(products: np.ndarray) -> np.ndarray:
 def panorama_moments(pixels: np.ndarray, to_world: np.ndarray) -> tuple[tuple, Environment]:
     """The mean and the environment of an equirectangular picture.
 
+    Each pixel counts by its solid angle and at its center. Along a row the five sums of a Fourier series are enough.
+
     Parameters
     ----------
     pixels : (H, W, 3) ndarray of float32
@@ -101,10 +99,6 @@ def panorama_moments(pixels: np.ndarray, to_world: np.ndarray) -> tuple[tuple, E
     mean : tuple of float
         Scene-linear RGB.
     environment : Environment
-
-    Notes
-    -----
-    Each pixel counts by its solid angle and at its center. Along a row the five sums of a Fourier series are enough.
     """
     height, width = pixels.shape[:2]
     longitude = np.pi - 2.0 * np.pi * (np.arange(width) + 0.5) / width

@@ -31,7 +31,7 @@ from .light_sheets import Sweep
 from .light_sweep import BAND, LOG2E, add_slice, transmit
 from .node_block import BLOCK, read_block
 from .reference import BOXED, FULL, RISE
-from .surface_points import STEPS
+from .surface_points import STEPS, Points, towards_lamp
 
 NODES_AT_ONCE = 1 << 20  # nodes that a worker lights between two chances to cancel, 10 ms
 FILLED_AT_ONCE = 1 << 21  # nodes that are filled between two chances to cancel, 9 ms in memory that was never used
@@ -108,8 +108,9 @@ def _layers(sweep: Sweep, place) -> tuple:
 
 
 def read_nodes_steps(
-    nodes, pitch: int, strength: float, voxels: VisibleVoxels, offsets, known, codes, channel: int, *, threads: int = 0
-):
+    nodes, pitch: int, strength: float, voxels: VisibleVoxels, points: Points, known, codes, channel: int, *,
+    threads: int = 0,
+):  # fmt: skip
     """Write the light at points beside voxels to a channel of their codes.
 
     Parameters
@@ -120,8 +121,8 @@ def read_nodes_steps(
     strength : float
         1, or what is left of shadows: of ambient occlusion.
     voxels : VisibleVoxels
-    offsets : (m, 3) ndarray of int16
-        From the voxels to their points along x, y, z, in STEPS of a voxel.
+    points : Points
+        Beside the voxels.
     known : (m, w) ndarray of int16 or None
         Codes that are copied to the first w channels before.
     codes : (m, channels) ndarray of int16
@@ -139,16 +140,11 @@ def read_nodes_steps(
     copied = 0 if known is None else known.shape[1]
     known = codes if known is None else known
     if not compiled():
-        reference.read_nodes(nodes, pitch, strength, voxels, offsets, known[:, :copied], codes, channel)
+        reference.read_nodes(nodes, pitch, strength, voxels, points, known[:, :copied], codes, channel)
         return
     pieces = -(-len(voxels) // (READ_AT_ONCE * thread_count(threads)))
     ends = np.searchsorted(voxels.row_start, np.linspace(0, len(voxels), pieces + 1)).tolist()
-    lists = (
-        read_only(voxels.row_start),
-        read_only(voxels.column),
-        read_only(offsets.reshape(-1)),
-        *voxels.shape_xyz[:2],
-    )
+    lists = read_only(voxels.row_start), read_only(voxels.column), tuple(points), *voxels.shape_xyz[:2]
     grid = (read_only(nodes.reshape(-1)), *nodes.shape)
     for piece, (first, last) in enumerate(pairwise(ends)):
         yield piece / pieces
@@ -321,8 +317,8 @@ def _find_taken(scale, first, y, length, depth, lit, share, taken):
 def _read(first, count, grid, pitch, strength, lists, known, copied, codes, channel):
     """Codes of the voxels of rows [first, first + count).
 
-    ``grid``: nodes, flat, and how many along z, y, x.  ``lists``: row_start, column, offsets, flat, and voxels
-    along x and y.  ``copied``: channels of ``known`` that are copied.
+    ``grid``: nodes, flat, and how many along z, y, x.  ``lists``: row_start, column, Points, and voxels along x
+    and y.  ``copied``: channels of ``known`` that are copied.
     """
     share_out(_read_rows, count, (first, grid, pitch, strength, lists, known, copied, codes, channel))
 
@@ -331,7 +327,7 @@ def _read(first, count, grid, pitch, strength, lists, known, copied, codes, chan
 def _read_rows(begin, end, first, grid, pitch, strength, lists, known, copied, codes, channel):
     """``_read`` for some of them."""
     nodes, n_z, n_y, n_x = grid
-    row_start, column, moved, columns, rows = lists
+    row_start, column, (normals, offsets, lamp), columns, rows = lists
     # Positions are whole numbers of STEPS of a voxel, from the first node on.
     voxel, pitch = np.int32(STEPS), np.int32(pitch)
     begins = pitch * voxel - (pitch - 1) * (voxel >> 1)
@@ -350,11 +346,12 @@ def _read_rows(begin, end, first, grid, pitch, strength, lists, known, copied, c
     flat, known_flat = codes.reshape(-1), known.reshape(-1)
     for row in range(first + begin, first + end):
         at, stop = row_start[row], row_start[row + 1]
-        own, own_ways = column[at:stop], moved[3 * at : 3 * stop]
+        own, y, z = column[at:stop], np.float64(row % rows), np.float64(row // rows)
         for i in range(own.size):
             xs[i] = np.int32(own[i]) * voxel
-        for i in range(own_ways.size):
-            ways[i] = own_ways[i]
+            way = towards_lamp(lamp, np.float64(own[i]), y, z, normals, offsets, at + i)
+            for axis in range(3):
+                ways[3 * i + axis] = np.int16(np.rint(way[axis]))
         starts = (np.int32(begins), np.int32(row % rows * voxel + begins), np.int32(row // rows * voxel + begins))
         for i in range(0, own.size, BLOCK):
             read_block(nodes, xs, ways, i, starts, last, pitch, steps, strides, scale, found)

@@ -24,7 +24,7 @@ from ..runtime.work_sizes import BRICK_SIDE as SIDE
 from ..volume.blocks import cut_chunks
 from . import reference
 from .sample_light import OCTAVES
-from .surface_points import STEPS
+from .surface_points import STEPS, Points, towards_lamp
 
 SHIFT = SIDE.bit_length() - 1
 CORNERS = SIDE + 1
@@ -118,16 +118,16 @@ def _distances(shown) -> np.ndarray:
 
 
 def trace_steps(
-    voxels: VisibleVoxels, offsets, bricks: Bricks, to_world, light, is_sun: bool, cuts: Cuts, weight: float, free,
-    sums, *, threads: int = 0,
+    voxels: VisibleVoxels, points: Points, bricks: Bricks, to_world, light, is_sun: bool, cuts: Cuts, weight: float,
+    free, scattered: bool, sums, *, threads: int = 0,
 ):  # fmt: skip
     """Add the light of one point to what arrives at points beside voxels.
 
     Parameters
     ----------
     voxels : VisibleVoxels
-    offsets : (m, 3) ndarray of int16
-        From the voxels to their points along x, y, z, in STEPS of a voxel.
+    points : Points
+        Beside the voxels.
     bricks : Bricks
     to_world : (4, 4) ndarray of float64
         Voxel index to world.
@@ -139,8 +139,10 @@ def trace_steps(
         Of this point of the light.
     free : (m,) ndarray of int16
         Code of what meshes leave of its light; of length 0 without meshes.
-    sums : (m, 1 or 2) ndarray of float32
-        The shares that arrive: of the light itself, and of what scatters on the way, the mean of its further OCTAVES.
+    scattered : bool
+        Whether what scatters on the way is asked for, the mean of the light's further OCTAVES.
+    sums : (m,) ndarray of float32
+        The shares that arrive.
     threads : int
         0 for one per core.
 
@@ -156,9 +158,9 @@ def trace_steps(
     else:
         point = inverse @ (np.asarray(light, np.float64) - matrix[:3, 3])
     metric = matrix[:3, :3].T @ matrix[:3, :3]
-    opaque = OPAQUE / (OCTAVES[1][-1] if sums.shape[1] > 1 else 1.0)
-    lamp = (is_sun, tuple(point.tolist()), tuple(metric.ravel().tolist()), np.float32(weight), opaque)
-    lists = read_only(voxels.row_start), read_only(voxels.column), read_only(offsets), voxels.shape_xyz
+    opaque = OPAQUE / (OCTAVES[1][-1] if scattered else 1.0)
+    lamp = (is_sun, tuple(point.tolist()), tuple(metric.ravel().tolist()), np.float32(weight), scattered, opaque)
+    lists = read_only(voxels.row_start), read_only(voxels.column), tuple(points), voxels.shape_xyz
     medium = read_only(bricks.numbers), read_only(bricks.corners)
     limits = tuple(map(read_only, cuts))
     if not compiled():
@@ -218,8 +220,8 @@ def _trace(first, count, lists, medium, lamp, limits, free, sums):
 @kernel(inner=True)
 def _trace_rows(begin, end, first, lists, medium, lamp, limits, free, sums):
     """``_trace`` for some of them."""
-    row_start, column, offsets, shape_xyz = lists
-    is_sun, (lx, ly, lz), metric, weight, opaque = lamp
+    row_start, column, (normals, offsets, begins), shape_xyz = lists
+    is_sun, (lx, ly, lz), metric, weight, scattered, opaque = lamp
     n_y, step = shape_xyz[1], 1.0 / STEPS
     high = (shape_xyz[0] - 1.0, shape_xyz[1] - 1.0, shape_xyz[2] - 1.0)
     flat = min(high[0], min(high[1], high[2])) < 1.0  # a medium without thickness
@@ -229,16 +231,18 @@ def _trace_rows(begin, end, first, lists, medium, lamp, limits, free, sums):
             left = weight * (np.float32(free[v]) / np.float32(32767.0)) if free.size > 0 else weight
             if left == _ZERO:
                 continue
-            o = (column[v] + step * offsets[v, 0], y + step * offsets[v, 1], z + step * offsets[v, 2])
+            x = np.float64(column[v])
+            wx, wy, wz = towards_lamp(begins, x, np.float64(y), np.float64(z), normals, offsets, v)
+            o = (x + step * wx, y + step * wy, z + step * wz)
             d = (lx, ly, lz) if is_sun else (lx - o[0], ly - o[1], lz - o[2])
             depth = 0.0
             if not flat:
                 depth = _depth_along(o, d, 1e300 if is_sun else 1.0, high, medium, limits, metric, opaque)
             passed = math.exp(-depth)
-            sums[v, 0] += left * np.float32(passed)
-            if sums.shape[1] > 1:
+            if scattered:
                 root = math.sqrt(passed)
-                sums[v, 1] += left * np.float32((2.0 * root + math.sqrt(root)) / 3.0)
+                passed = (2.0 * root + math.sqrt(root)) / 3.0
+            sums[v] += left * np.float32(passed)
 
 
 @inner_loop

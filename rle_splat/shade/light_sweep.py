@@ -33,7 +33,6 @@ def sweep_light(sweep: Sweep, tables, starts, extinction, meshes, codes, *, thre
 
     Parameters
     ----------
-    sweep : Sweep
     tables : RunTables
         Of the sweep's axis.
     starts : (n_slices, n_scanlines) ndarray of int64

@@ -151,12 +151,12 @@ def shade_nodes(sweep, tables, starts, extinction, meshes, place, nodes, share: 
         earlier, before = before, after
 
 
-def read_nodes(nodes, pitch: int, strength: float, voxels, offsets, known, codes, channel: int) -> None:
+def read_nodes(nodes, pitch: int, strength: float, voxels, points, known, codes, channel: int) -> None:
     """Light at points beside voxels between nodes, as ``light_nodes._read``."""
     n_y = voxels.shape_xyz[1]
     row = np.searchsorted(voxels.row_start, np.arange(len(voxels)), side="right") - 1
     at = np.stack((voxels.column.astype(np.float64), row % n_y, row // n_y), axis=1)
-    at += pitch * offsets / STEPS
+    at += pitch * np.rint(_towards_lamp(points, at)) / STEPS
     # The last position is one step of the offsets before the last node.
     last = np.array(nodes.shape[::-1]) - 1.0 - 1.0 / (STEPS * pitch)
     at = np.clip((at - 0.5 * (pitch - 1)) / pitch + 1.0, 0.0, last)
@@ -256,8 +256,10 @@ def find_surfaces(smoothed, low, n_z, first, last, _wanted, lists, slopes, floor
     whole = np.maximum(mean + least**2, size[there])
     usable = (whole > 0.0) & (whole < np.inf)
     scale = np.divide(32767.0, np.sqrt(whole), out=np.zeros(len(whole)), where=usable)
-    vectors[begin:end] = np.rint(gradient[there] * scale[:, None])
-    steep[begin:end] = np.sqrt(size[there]) / per_mm
+    found, length = gradient[there], np.sqrt(size[there])
+    found[:, 0] += np.maximum(0.04 * np.sqrt(mean) - length, 0.0)
+    vectors[begin:end] = np.rint(found * scale[:, None])
+    steep[begin:end] = length / per_mm
 
 
 def _differences(values, axis: int) -> np.ndarray:
@@ -320,6 +322,25 @@ def place_surfaces(
     offsets[:] = np.rint(np.clip((b[:, None] * n) @ to_index.T * STEPS, -32767.0, 32767.0))
 
 
+def _towards_lamp(points, index) -> np.ndarray:
+    """(m, 3) STEPS times x' - x of voxels at (m, 3), as ``surface_points.towards_lamp``."""
+    normals, offsets, (kind, place, way, matrix, to_index) = points
+    if kind == 0:
+        return offsets.astype(np.float64)
+    matrix, to_index = np.reshape(matrix, (3, 4)), np.reshape(to_index, (3, 3))
+    direction, p = np.broadcast_to(place, index.shape), np.broadcast_to(way, index.shape)
+    if kind == 2:
+        away = place - index @ matrix[:, :3].T - matrix[:, 3]
+        direction, far = unit_vectors(away), np.linalg.norm(away, axis=1)
+        reach = np.minimum(3.375 * np.abs(direction @ matrix[:, :3]).sum(axis=1), far)
+        p = STEPS * reach[:, None] * (direction @ to_index.T)
+    m = normals / ONE
+    square = np.minimum((m * m).sum(axis=1), 1.0)
+    facing = smoothstep(0.5 + 2.0 * np.einsum("ni,ni->n", m, direction))
+    t = smoothstep(625.0 * square) * (1.0 - facing * square)
+    return np.clip(offsets + t[:, None] * (p - offsets), -32767.0, 32767.0)
+
+
 def smoothstep(t) -> np.ndarray:
     """3 t^2 - 2 t^3 of numbers that are limited to [0, 1]."""
     t = np.clip(t, 0.0, 1.0)
@@ -378,14 +399,15 @@ def trace_light(lists, medium, lamp, limits, free, sums):
     All crossings of a ray with the faces of cells and with what cuts are sorted; the piece between two of them lies in
     one cell, and is kept or cut away as its middle is.
     """
-    row_start, column, offsets, shape_xyz = lists
+    row_start, column, points, shape_xyz = lists
     numbers, corners = medium
     dense = np.zeros([8 * count + 1 for count in numbers.shape])
     for number, (k, j, i) in enumerate(np.argwhere(numbers >= 0) * 8):
         dense[k : k + 9, j : j + 9, i : i + 9] = corners.reshape(-1, 9, 9, 9)[number]
-    is_sun, point, metric, weight, _ = lamp
+    is_sun, point, metric, weight, scattered, _ = lamp
     row = np.searchsorted(row_start, np.arange(len(column)), side="right") - 1
-    start = np.stack((column.astype(np.float64), row % shape_xyz[1], row // shape_xyz[1]), axis=1) + offsets / 1024.0
+    start = np.stack((column.astype(np.float64), row % shape_xyz[1], row // shape_xyz[1]), axis=1)
+    start += _towards_lamp(points, start) / STEPS
     left = weight * (free / np.float32(32767.0) if len(free) else np.ones(len(start), np.float32))
     for first in range(0, len(start), RAYS_AT_ONCE):
         part = slice(first, first + RAYS_AT_ONCE)
@@ -393,9 +415,7 @@ def trace_light(lists, medium, lamp, limits, free, sums):
         d = np.broadcast_to(np.array(point), o.shape) if is_sun else np.array(point) - o
         length = np.sqrt(np.einsum("ni,ij,nj->n", d, np.reshape(metric, (3, 3)), d))
         passed = np.exp(-length * _integrate_extinction(dense, o, d, np.inf if is_sun else 1.0, shape_xyz, limits))
-        sums[part, 0] += left[part] * passed
-        if sums.shape[1] > 1:
-            sums[part, 1] += left[part] * (2.0 * passed**0.5 + passed**0.25) / 3.0
+        sums[part] += left[part] * ((2.0 * passed**0.5 + passed**0.25) / 3.0 if scattered else passed)
 
 
 def _integrate_extinction(dense, o, d, end, shape_xyz, limits) -> np.ndarray:

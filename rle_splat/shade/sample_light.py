@@ -92,7 +92,6 @@ def sample_light(falling: Lighting, shape_xyz, casting=(), opened: bool = False,
 
     Parameters
     ----------
-    falling : Lighting
     shape_xyz : (nx, ny, nz)
         Of the volume.
     casting, opened
@@ -128,7 +127,6 @@ def light_of_samples(light: SampleLight, planes, to_eye, points) -> tuple[np.nda
 
     Parameters
     ----------
-    light : SampleLight
     planes : (N, light.planes) ndarray
         m, T, U and O.
     to_eye : (N, 3) ndarray

@@ -47,6 +47,11 @@ def components(normals: np.ndarray) -> np.ndarray:
 def shaded_colors(classified, normals, falling: Lighting | None, *, threads: int = 0) -> np.ndarray:
     """Shaded colors of visible voxels.
 
+    For a color c, the shaded color is c * (ambient + sum diffuse |n.l| I) + sum specular |n.h|^shininess I, summed over
+    lights with the irradiance scale I (RGB, see ``lights.py``); see Shade for other reflection models. A voxel without
+    normal keeps c, and all voxels do if there is no shading or no light. Shadows reduce the ambient term and each I; a
+    voxel without normal is reduced by the share of all light that arrives.
+
     Parameters
     ----------
     classified : ClassifiedVolume
@@ -61,13 +66,6 @@ def shaded_colors(classified, normals, falling: Lighting | None, *, threads: int
     -------
     (m, 3) ndarray of float32
         Unassociated scene-linear colors.
-
-    Notes
-    -----
-    For a color c, the shaded color is c * (ambient + sum diffuse |n.l| I) + sum specular |n.h|^shininess I, summed over
-    lights with the irradiance scale I (RGB, see ``lights.py``); see Shade for other reflection models. A voxel without
-    normal keeps c, and all voxels do if there is no shading or no light. Shadows reduce the ambient term and each I; a
-    voxel without normal is reduced by the share of all light that arrives.
     """
     if falling is None:
         return classified.color
@@ -97,14 +95,12 @@ def light_records(
     classified: ClassifiedVolume, normals, falling: Lighting | None, model: str | None, positions: RecordPositions,
     records, *, threads: int = 0,
 ) -> float:  # fmt: skip
-    """Shade voxels and write their records.
+    """Shade voxels and write their records; RleSplatError if a color is above BRIGHTEST.
 
     Parameters
     ----------
-    classified : ClassifiedVolume
     normals : (m, 3) ndarray of float32 or None
         None without ``falling``.
-    falling : Lighting or None
     model : {"extinction", "opacity", None}
         A record is (density * RGB, density). The density is the extinction or the opacity, or 1 for None.
     positions : RecordPositions
@@ -118,11 +114,6 @@ def light_records(
     -------
     float
         Largest channel of any color.
-
-    Raises
-    ------
-    RleSplatError
-        If it is above BRIGHTEST.
     """
     most = np.zeros(max(len(positions.data_starts), 1), np.float32)
     properties, density = classified.properties, DENSITY[model]

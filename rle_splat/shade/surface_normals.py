@@ -6,8 +6,8 @@ Stored values are smoothed by a Gaussian of some millimeters, so that slices far
 
 is kept of each voxel, at most 1 long: N is the central difference of the smoothed values, R the root mean square of
 its length over the 27 voxels around, and E the length that errors of stored values give it.  So m is about 1 long at a
-surface, short where there is little but noise, and passes through 0 where normals turn over, as in the middle of a
-wall.
+surface, short where there is little but noise, and nearly 0 where normals turn over, as in the middle of a wall.  So
+that walls differ from what is flat, what |N| lacks of LEAST R is added to N along x.
 """
 
 from __future__ import annotations
@@ -27,11 +27,13 @@ from .sample_light import ONE
 CUT = 3.0  # standard deviations at which the Gaussian ends
 MOST_SMOOTHED = 2.0  # mm, by itself: slices 5 mm apart must not erase vessels
 NOISE = 40.0  # times E: gradients from 13 E on are trusted wholly
+LEAST = 0.04  # of R
 FLOAT_STEPS = 256.0  # machine epsilons: what values carry, and what smoothing in float32 adds, must not be seen
 # Planes that a step smooths beyond its own: a difference, and the mean of its squares.
 BEYOND = 2
 NATIVE = ("uint8", "int8", "uint16", "int16", "float32")  # types that are smoothed as they are
 _ZERO, _ONE, _TWO, _THREE = (np.float32(n) for n in range(4))
+_LEAST = np.float32(LEAST)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +71,7 @@ def gaussian(sigma: float, spacing: float) -> np.ndarray:
 
 
 def surface_steps(volume, row_start: np.ndarray, column: np.ndarray, sigma: float, *, threads: int = 0):
-    """Find m of kept voxels.
+    """Generator of fractions done: find m of kept voxels.
 
     Parameters
     ----------
@@ -82,11 +84,6 @@ def surface_steps(volume, row_start: np.ndarray, column: np.ndarray, sigma: floa
         Standard deviation of the Gaussian in mm, 0 for none.
     threads : int
         0 for one per core.
-
-    Yields
-    ------
-    float
-        Fraction done.
 
     Returns
     -------
@@ -419,8 +416,10 @@ def _find_rows(begin, end, smoothed, squares, low, n_z, first, lists, slopes, fl
             size = gx[x] * gx[x] + gy[x] * gy[x] + gz[x] * gz[x]
             whole = max(around + least * least, size)
             scale = _invert_root(whole) if _ZERO < whole < np.inf else _ZERO
+            length = np.sqrt(size)
+            gx[x] += max(_LEAST * np.sqrt(around) - length, _ZERO)
             gx[x], gy[x], gz[x] = np.rint(gx[x] * scale), np.rint(gy[x] * scale), np.rint(gz[x] * scale)
-            size_of[x] = np.sqrt(size)
+            size_of[x] = length
         for i in range(xs.size):
             x = np.uint64(xs[i])
             found[i, 0], found[i, 1], found[i, 2] = np.int16(gx[x]), np.int16(gy[x]), np.int16(gz[x])

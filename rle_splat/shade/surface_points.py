@@ -8,6 +8,13 @@ beside faces.  Shadows begin at a point x' a little off the surface, so that a s
 
 in which a are the voxel's edges, w is the trust of ``sample_light`` and depth estimates how far the voxel lies behind
 the surface: the distance to the nearest value that shows nothing, over the steepness of the values.
+
+On the far side of a wall this point is behind the wall.  Where the wall is thin, the eye sees a mean of both sides, and
+light that arrives at one of them only would show the grid of voxels.  So light of a lamp, in the direction l, begins at
+
+    x' = x + (1 - t) b n + t p,  t = smoothstep(0, LEAST^2, |m|^2) (1 - |m|^2 smoothstep(-FACING, FACING, m.l)),
+
+in which p is FURTHER FARTHEST widths towards the lamp: a side that faces away from it has no light of a surface.
 """
 
 from __future__ import annotations
@@ -26,7 +33,7 @@ from ..runtime.work_sizes import PLACED_AT_ONCE
 from ..volume.stored_scalars import StoredValues, by_any_type
 from . import reference
 from .sample_light import ONE, TRUSTED
-from .surface_normals import Surfaces
+from .surface_normals import LEAST, Surfaces
 
 FARTHEST = 3.0  # widths of a voxel along the normal: with 2 a lit plane ripples by 1.4 %, with 4 more light leaks
 # So that the nodes around x', from which light is interpolated, are off the surface, too: with 1 a ball with an opacity
@@ -35,6 +42,8 @@ FURTHER = 9.0 / 8.0
 NEAR, FAR = 1.0, 2.0  # widths from a face at which its normal begins to fade and is gone
 SIDE = 0.5  # of the balance of distances, over which the side changes to which extinction falls
 STEPS = 1024.0  # of a voxel, in which offsets are kept
+FACING = 0.25  # of m.l, on both sides of 0, over which the point beside a voxel goes over to the lamp's side
+NO_LAMP, FAR_LAMP, NEAR_LAMP = range(3)
 FURTHEST = 32767.0 / STEPS
 BOX_NEAR = 1  # voxels from a face of the box whose normal is the face's: its width is one voxel
 LARGEST = 1e300  # in place of infinity, so that differences stay numbers
@@ -57,6 +66,36 @@ class Faces(NamedTuple):
     offsets: np.ndarray
     widths: np.ndarray
     removed: np.ndarray
+
+
+class Points(NamedTuple):
+    """Where light is read beside voxels.
+
+    Attributes
+    ----------
+    normals, offsets : (m, 3) ndarray of int16
+        Of ``place_steps``.
+    lamp : tuple
+        Kind; direction to the lamp, or its place, world; for a direction, p along x, y, z in STEPS of a voxel;
+        index to world, three rows of four, and back, nine numbers.
+    """
+
+    normals: np.ndarray
+    offsets: np.ndarray
+    lamp: tuple
+
+
+def points_for(light, normals, offsets, index_to_world) -> Points:
+    """The Points of a Light; those off the surface itself for None."""
+    matrix = np.asarray(index_to_world, np.float64)
+    to_index, kind, place, way = np.linalg.inv(matrix[:3, :3]), NO_LAMP, np.zeros(3), np.zeros(3)
+    if light is not None and light.type == "SUN":
+        kind, place = FAR_LAMP, light.matrix_world[:3, 2] / np.linalg.norm(light.matrix_world[:3, 2])
+        way = STEPS * FURTHER * FARTHEST * np.abs(place @ matrix[:3, :3]).sum() * (to_index @ place)
+    elif light is not None:
+        kind, place = NEAR_LAMP, light.matrix_world[:3, 3]
+    numbers = place, way, matrix[:3], to_index
+    return Points(read_only(normals), read_only(offsets), (kind, *(tuple(each.ravel().tolist()) for each in numbers)))
 
 
 def faces_of(clips, index_to_world) -> Faces:
@@ -112,26 +151,19 @@ def place_steps(
     surfaces: Surfaces, voxels: VisibleVoxels, volume, transfer_function, index_to_world, faces: Faces, *,
     with_points: bool, threads: int = 0,
 ):  # fmt: skip
-    """Turn the vectors of kept voxels to where extinction falls, and find where their shadows begin.
+    """Generator of fractions done: turn vectors to where extinction falls, and find where shadows begin.
 
     Parameters
     ----------
     surfaces : Surfaces
         Of the voxels.
-    voxels : VisibleVoxels
     volume : Volume
     transfer_function : TransferFunction
     index_to_world : (4, 4) ndarray of float64
-    faces : Faces
     with_points : bool
         Whether points are asked for.
     threads : int
         0 for one per core.
-
-    Yields
-    ------
-    float
-        Fraction done.
 
     Returns
     -------
@@ -170,6 +202,36 @@ def place_steps(
 
 
 # --- kernels ----------------------------------------------------------------------------------------------------
+
+
+@inner_loop
+def towards_lamp(lamp, x, y, z, normals, offsets, i):
+    """STEPS times x' - x along x, y, z, of voxel number ``i`` at (x, y, z); see ``Points``."""
+    kind, (lx, ly, lz), (px, py, pz), matrix, to_index = lamp
+    ox, oy, oz = np.float64(offsets[i, 0]), np.float64(offsets[i, 1]), np.float64(offsets[i, 2])
+    if kind == NO_LAMP:
+        return ox, oy, oz
+    if kind == NEAR_LAMP:
+        lx -= matrix[0] * x + matrix[1] * y + matrix[2] * z + matrix[3]
+        ly -= matrix[4] * x + matrix[5] * y + matrix[6] * z + matrix[7]
+        lz -= matrix[8] * x + matrix[9] * y + matrix[10] * z + matrix[11]
+        away = max(math.sqrt(lx * lx + ly * ly + lz * lz), 1e-300)
+        lx, ly, lz = lx / away, ly / away, lz / away
+        reach = STEPS * min(FURTHER * FARTHEST * _width(lx, ly, lz, matrix), away)  # not beyond the lamp
+        px = reach * (lx * to_index[0] + ly * to_index[1] + lz * to_index[2])
+        py = reach * (lx * to_index[3] + ly * to_index[4] + lz * to_index[5])
+        pz = reach * (lx * to_index[6] + ly * to_index[7] + lz * to_index[8])
+    scale = 1.0 / ONE
+    mx, my, mz = scale * normals[i, 0], scale * normals[i, 1], scale * normals[i, 2]
+    square = min(mx * mx + my * my + mz * mz, 1.0)
+    facing = _smoothstep(0.5 + (mx * lx + my * ly + mz * lz) / (2.0 * FACING))
+    t = _smoothstep(square / LEAST**2) * (1.0 - facing * square)
+    most = STEPS * FURTHEST
+    return (
+        min(max(ox + t * (px - ox), -most), most),
+        min(max(oy + t * (py - oy), -most), most),
+        min(max(oz + t * (pz - oz), -most), most),
+    )
 
 
 @kernel

@@ -57,7 +57,6 @@ class Tables(NamedTuple):
         Number of the first voxel record of each scanline.
     runs : (n,) uint
         Lengths in voxels, transparent and non-transparent in turn; those of a scanline sum to ``width``.
-    voxels : Records
     width : int
         Voxels of a scanline.
     """

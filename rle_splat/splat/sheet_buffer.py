@@ -46,13 +46,11 @@ class ClassifiedMedium(NamedTuple):
 
     Attributes
     ----------
-    tables : Tables
     wide : Wide or None
         The footprint, None for the plain tent.
     additive_opacity : bool or None
         For the paper's opacity model, whether opacities are taken as they are added (True) or corrected for the
         length of the ray (False); None for extinction.
-    mist : MistRays
     least : float32
         Transmittance at which a pixel is opaque.
     """

@@ -20,8 +20,9 @@ from .sheet_buffer import splat_rows
 
 # Transmittance below which a pixel is opaque whatever the plan says: keeps denormal numbers out of the loop.
 OPAQUE = 1e-30
-# Pixels and voxels along the rows of all sheets, for each thread between two chances to cancel: 10 to 25 ms.
-WORK_AT_ONCE = 12_000_000
+# Pixels and voxels along the rows of all sheets, for each thread between two steps: 10 ms of a draft, 25 of the
+# other presets.  With labels or channels each takes up to MIXED times as long.
+WORK_AT_ONCE, MIXED = 6_000_000, 8
 BANDS_EACH = 2  # for each of several threads at once, at least: with fewer, threads wait for one another
 LOADING = None
 
@@ -66,9 +67,12 @@ def splat_steps(
     return image
 
 
-def row_steps(splat_rows, arguments, plane: BasePlane, sheets: SheetList, scratch, workers: int, out):
+def row_steps(splat_rows, arguments, plane: BasePlane, sheets: SheetList, scratch, workers: int, out, mixed=False):
     """Generator: yields LOADING where that is to be done, then fractions done; all rows of a base plane by a kernel
-    like ``splat_rows``, whose first ``arguments`` are given, into the arrays ``out``."""
+    like ``splat_rows``, whose first ``arguments`` are given, into the arrays ``out``.
+
+    ``mixed``: whether it has labels or channels.
+    """
 
     def splat(first, last, threads):
         with parallel_call(threads):
@@ -79,7 +83,8 @@ def row_steps(splat_rows, arguments, plane: BasePlane, sheets: SheetList, scratc
         yield LOADING
         splat(0, 0, 1)  # nothing but loading it: waking threads would take as long as preparing a frame
         note_loaded(splat_rows, given)
-    bands = WORK_AT_ONCE // (BAND * (plane.width + arguments[0].width) * len(sheets.begin))
+    work = BAND * (plane.width + arguments[0].width) * len(sheets.begin) * (MIXED if mixed else 1)
+    bands = WORK_AT_ONCE // work
     rows_at_once = int(BAND * workers * max(BANDS_EACH if workers > 1 else 0.5, bands))
     for first in range(0, plane.height, rows_at_once):
         yield first / plane.height

@@ -37,6 +37,9 @@ OFFSET_BITS = 51  # of the 53 bits of a float64; the other two allow to add a pl
 class BasePlane:
     """One intermediate image: its geometry, and which of its pixels are needed.
 
+    A ``window`` is a base plane too, with fewer pixels. Results for its pixels have the same bits as in the whole
+    plane, because coordinates are integers plus ``origin``, and subtracting integers from ``offset`` is exact.
+
     Attributes
     ----------
     axis : {0, 1, 2}
@@ -54,18 +57,11 @@ class BasePlane:
         Size in sheet pixels.
     homography : (3, 3) ndarray of float64
         (X, Y, 1) to homogeneous pixel of the picture.
-    sheets : Sheets
     scale, offset : (n, 2) ndarray of float64
         Per sheet i: u = scale[i, 0] * x + offset[i, 0] for the voxel coordinate x along the scanline; v likewise, with
         index 1, for the scanline number.
-    view : IndexView
     seen : (2, height) ndarray of int64
         For each row, the first pixel that the picture reads and the one after the last. An empty row has end <= first.
-
-    Notes
-    -----
-    A ``window`` is a base plane too, with fewer pixels. Results for its pixels have the same bits as in the whole
-    plane, because coordinates are integers plus ``origin``, and subtracting integers from ``offset`` is exact.
     """
 
     axis: int
@@ -120,13 +116,7 @@ class BasePlane:
         return replace(self, origin=origin, width=width, height=height, offset=self.offset - first, seen=seen)
 
     def section(self, number: int, count: int) -> BasePlane | None:
-        """The plane with one of ``count`` parts of its sheets, numbered from front to back.
-
-        Returns
-        -------
-        BasePlane or None
-            None if there are fewer sheets than parts, and none is left for this one.
-        """
+        """The plane with one of ``count`` parts of its sheets, front to back; None if it has fewer and none is left."""
         first, last = (n * len(self.sheets) // count for n in (number, number + 1))
         if first == last:
             return None

@@ -45,6 +45,10 @@ def find_fitted_side(camera: Camera, width: int, height: int) -> float:
 def world_to_pixel(camera: Camera, width: int, height: int) -> np.ndarray:
     """(3, 4) float64 matrix from world (x, y, z, 1) to homogeneous pixel (column, row, 1).
 
+    Row 0 is at the top; pixel (c, r) covers [c, c+1) x [r, r+1). Sensor fit, shift and pixel aspect follow Blender: the
+    fitted side determines the scale, the shift is a fraction of that side, and the sensor height is used only for the
+    sensor fit VERTICAL. Points off the focus plane are moved by ``slant``.
+
     Parameters
     ----------
     width, height : int
@@ -54,12 +58,6 @@ def world_to_pixel(camera: Camera, width: int, height: int) -> np.ndarray:
     -------
     (3, 4) ndarray of float64
         The third component is the planar depth for a perspective camera and 1 for an orthographic one.
-
-    Notes
-    -----
-    Row 0 is at the top; pixel (c, r) covers [c, c+1) x [r, r+1). Sensor fit, shift and pixel aspect follow Blender: the
-    fitted side determines the scale, the shift is a fraction of that side, and the sensor height is used only for the
-    sensor fit VERTICAL. Points off the focus plane are moved by ``slant``.
     """
     aspect_x, aspect_y = camera.pixel_aspect
     tallness = aspect_y / aspect_x  # height of a pixel in widths of a pixel

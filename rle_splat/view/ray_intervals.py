@@ -121,12 +121,20 @@ def _sample(layer, left, top, column, row):
 def pixels_read(plane: BasePlane) -> tuple[int, int, int, int]:
     """(left, top, right, bottom) of the picture's pixels at which ``ray_intervals`` reads a layer for this plane."""
     ends = plane.view.width - 1.0, plane.view.height - 1.0
-    column, row = reference.picture_positions(*ends, *_along_and_across(plane))
+    columns, rows = _along_and_across(plane)
+    corners = columns[:, [0, -1]], rows[:, [0, -1]]
+    depths = corners[0][2] + corners[1][2][:, None]
+    if depths.min() * depths.max() > 0.0:  # all before the eye: a projective map has its extremes at the corners
+        columns, rows = corners
+    column, row = reference.picture_positions(*ends, columns, rows)
     return int(column.min()), int(row.min()), int(column.max()) + 2, int(row.max()) + 2
 
 
 def box_intervals(plane: BasePlane, shape_xyz) -> tuple[np.ndarray, np.ndarray]:
     """Ray intervals inside the box of the voxel centers, by column and by row.
+
+    The sideways position of a ray along the scanlines depends on its column only, and across them on its row only. So a
+    ray is inside from the later of both begins to the earlier of both ends.
 
     Parameters
     ----------
@@ -136,11 +144,6 @@ def box_intervals(plane: BasePlane, shape_xyz) -> tuple[np.ndarray, np.ndarray]:
     -------
     (2, W) ndarray of float32, (2, H) ndarray of float32
         Begin and end for the columns and for the rows of sheet pixels, voxels along the viewing direction.
-
-    Notes
-    -----
-    The sideways position of a ray along the scanlines depends on its column only, and across them on its row only. So a
-    ray is inside from the later of both begins to the earlier of both ends.
     """
     found = []
     for position, slope, axis in zip(plane.points(), plane.ray_slopes, AXES[plane.axis]):

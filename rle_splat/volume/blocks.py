@@ -80,18 +80,13 @@ def cut_chunks(n_planes: int, plane_voxels: int, at_once: int = VOXELS_AT_ONCE, 
 
 
 def block_steps(volume, *, threads: int = 0):
-    """Compute the blocks of a volume. Reads every voxel once.
+    """Generator of fractions done: compute the blocks of a volume. Reads every voxel once.
 
     Parameters
     ----------
     volume : Volume
     threads : int
         0 for one per core.
-
-    Yields
-    ------
-    float
-        Fraction done.
 
     Returns
     -------

@@ -18,16 +18,11 @@ def list_stored_values(dtype) -> np.ndarray:
 
 
 def count_steps(voxels: np.ndarray):
-    """Count the voxels of each stored value, plane by plane.
+    """Generator of fractions done: count the voxels of each stored value, plane by plane.
 
     Parameters
     ----------
     voxels : (nz, ny, nx) ndarray of an 8- or 16-bit integer dtype
-
-    Yields
-    ------
-    float
-        Fraction done.
 
     Returns
     -------

@@ -36,7 +36,9 @@ def unit_normals(volume, row_start: np.ndarray, column: np.ndarray, index_to_wor
 
 
 def normal_steps(volume, row_start: np.ndarray, column: np.ndarray, index_to_world, *, threads: int = 0):
-    """Unit normals of selected voxels, in world space.
+    """Generator of fractions done: unit normals of selected voxels, in world space.
+
+    A gradient is a covector: it is transformed by the inverse transpose of the matrix.
 
     Parameters
     ----------
@@ -50,19 +52,10 @@ def normal_steps(volume, row_start: np.ndarray, column: np.ndarray, index_to_wor
     threads : int
         0 for one per core.
 
-    Yields
-    ------
-    float
-        Fraction done.
-
     Returns
     -------
     (m, 3) ndarray of float32
         Unit vectors along the gradient of the scalar; (0, 0, 0) where the gradient is below the noise floor.
-
-    Notes
-    -----
-    A gradient is a covector: it is transformed by the inverse transpose of the matrix.
     """
     voxels = read_only(np.asarray(volume.voxels))
     linear = np.asarray(index_to_world, dtype=np.float64)[:3, :3]

@@ -51,6 +51,9 @@ class Histogram:
 def histogram(volume: Volume, bins: int = 256, limits: tuple[float, float] | None = None) -> Histogram:
     """Histogram of a volume's physical values.
 
+    Bins of integer volumes are a whole number of stored steps wide and centered on stored values, so that no bin is
+    empty only because it lies between two values. There may be fewer than ``bins``.
+
     Parameters
     ----------
     bins : int
@@ -62,11 +65,6 @@ def histogram(volume: Volume, bins: int = 256, limits: tuple[float, float] | Non
     ------
     RleSplatError
         If ``bins`` is below 1 or the limits are not two finite, ascending numbers.
-
-    Notes
-    -----
-    Bins of integer volumes are a whole number of stored steps wide and centered on stored values, so that no bin is
-    empty only because it lies between two values. There may be fewer than ``bins``.
     """
     return drain(histogram_steps(volume, bins, limits))
 
@@ -121,7 +119,10 @@ def _integer_edges(volume: Volume, bins: int, low: float, high: float) -> np.nda
 
 
 def percentiles(volume: Volume, percents=(1.0, 99.9)) -> np.ndarray:
-    """Exact percentiles of the finite values of a volume.
+    """Exact percentiles of the finite values of a volume; RleSplatError if a percentage is outside 0 to 100.
+
+    The q-th percentile is the smallest value that at least q % of the finite voxels do not exceed (numpy's
+    "inverted_cdf"). It is found by radix selection, with one pass over the volume for every 16 bits of a voxel.
 
     Parameters
     ----------
@@ -132,16 +133,6 @@ def percentiles(volume: Volume, percents=(1.0, 99.9)) -> np.ndarray:
     -------
     (len(percents),) ndarray of float64
         Physical values; 0 if no voxel is finite.
-
-    Raises
-    ------
-    RleSplatError
-        If a percentage is outside 0 to 100.
-
-    Notes
-    -----
-    The q-th percentile is the smallest value that at least q % of the finite voxels do not exceed (numpy's
-    "inverted_cdf"). It is found by radix selection, with one pass over the volume for every 16 bits of a voxel.
     """
     return drain(percentile_steps(volume, percents))
 

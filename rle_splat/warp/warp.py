@@ -6,12 +6,12 @@ import numpy as np
 
 from ..runtime.buffer_pool import empty
 from ..runtime.jit import compiled
-from ..scene import Quality
+from ..scene import NO_DEPTH, Quality
 from ..splat.intermediate_image import IntermediateImage
 from ..view.eye import IndexView
 from . import reference
 from .filters import FILTERS
-from .reference import MARGIN, clear
+from .reference import MARGIN
 from .resample import resample, shown_in
 from .spline_prefilter import spline_coefficients
 
@@ -29,6 +29,8 @@ def warp_steps(images: list[IntermediateImage], view: IndexView, region, quality
 
     Yields fractions done, and returns the picture.
 
+    A pixel belongs to the image of the principal axis of its ray. A pixel that belongs to no image is transparent.
+
     Parameters
     ----------
     images : list of IntermediateImage
@@ -45,22 +47,17 @@ def warp_steps(images: list[IntermediateImage], view: IndexView, region, quality
         Premultiplied, scene-linear; the size is that of ``region``.
     depth : (H, W) ndarray of float32
         World units; NO_DEPTH where the transmittance stays above one half.
-
-    Notes
-    -----
-    A pixel belongs to the image of the principal axis of its ray. A pixel that belongs to no image is transparent.
     """
     left, top, right, bottom = region
-    rgba = np.empty((bottom - top, right - left, 4), np.float32)
-    depth = np.empty((bottom - top, right - left), np.float32)
     with_kernels, (prefiltered, *taps) = compiled(), FILTERS[quality.warp_filter]
     # Pixels farther than this from everything that an image holds are transparent and are skipped.
     reach = TAPS + 1 + MARGIN * prefiltered
     parts = [(image, image.find_filled_part(reach)) for image in images]
     parts = [(image, part) for image, part in parts if part is not None]
+    size = bottom - top, right - left
     if not parts:
-        clear(rgba, depth)
-        return rgba, depth
+        return np.zeros((*size, 4), np.float32), np.full(size, NO_DEPTH, np.float32)
+    rgba, depth = np.empty((*size, 4), np.float32), np.empty(size, np.float32)
     planes = [image.base_plane for image, _ in parts]
     # Homogeneous sheet pixel to picture pixel, with pixel numbers of the whole sheet and picture.
     from_sheets = [plane.homography / np.abs(plane.homography).max() / (*plane.density, 1.0) for plane in planes]
@@ -76,7 +73,7 @@ def warp_steps(images: list[IntermediateImage], view: IndexView, region, quality
         if prefiltered:
             pixels, half = _coefficients(pixels, rows, columns, quality), half[rows, columns]
             filled, origin = np.ascontiguousarray(filled[:, rows]) - np.int32(columns.start), part_origin
-        size = rows.stop - rows.start, columns.stop - columns.start
+        held = rows.stop - rows.start, columns.stop - columns.start
         for first in range(0, len(depth), rows_at_once):
             yield (number + first / len(depth)) / len(parts)
             some = slice(first, first + rows_at_once)
@@ -86,7 +83,7 @@ def warp_steps(images: list[IntermediateImage], view: IndexView, region, quality
                 np.float32(most_color), _depth_map(plane), at, number == 0, rgba[some], depth[some],
             )  # fmt: skip
             if with_kernels:
-                window = shown_in(from_sheets[number], size, part_origin, depth[some].shape, at)
+                window = shown_in(from_sheets[number], held, part_origin, depth[some].shape, at)
                 resample(window, filled, reach, *arguments, quality.threads)
             else:
                 reference.resample(*arguments)

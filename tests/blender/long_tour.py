@@ -52,6 +52,7 @@ _redraws, _with_driver = array("d"), array("d")  # seconds of processor time tha
 _steps = array("d")  # seconds of processor time of each call of the one timer
 _longest_step = [0.0, ""]  # and its function
 _parts: dict = {}  # of the redraw that runs: name -> seconds of processor time
+_longest: dict = {}  # of the redraw or the call of the timer that runs: steps from where to where -> the longest
 _doing = [""]  # what the user does
 
 
@@ -71,6 +72,7 @@ def watch_redraws():
 
     def begin_redraw():
         _parts.clear()  # of the timer's work since the last redraw
+        _longest.clear()
         before()
 
     def note_redraw():
@@ -82,8 +84,8 @@ def watch_redraws():
             _redraws.append(_with_driver[-1] - driver)
             if _redraws[-1] > SLOW:
                 listed = ", ".join(f"{name} {1e3 * part:.1f}" for name, part in _parts.items())
-                print(f"slow: {1e3 * _redraws[-1]:.0f} ms and the driver {1e3 * driver:.0f}, {_doing[0]}: {listed}",
-                      flush=True)  # fmt: skip
+                print(f"slow: {1e3 * _redraws[-1]:.0f} ms and the driver {1e3 * driver:.0f}, {_doing[0]}: {listed}; "
+                      f"{list_longest()}", flush=True)  # fmt: skip
 
     for module, name, called in PARTS:
         place = import_module(f"{MODULE}.bridge.live.{module}")
@@ -94,13 +96,19 @@ def watch_redraws():
     live._before, live._after = begin_redraw, note_redraw
 
 
+def list_longest() -> str:
+    """The three longest steps, in milliseconds."""
+    found = sorted(_longest.items(), key=lambda part: -part[1])[:3]
+    return "; ".join(f"{part} {1e3 * seconds:.0f}" for part, seconds in found)
+
+
 def watch_steps():
     """Note what each call of the one timer takes, whom it calls, and which of its parts took longest."""
     timer = import_module(f"{MODULE}.bridge.loop.timer")
-    tick, longest, shares = timer._tick, {}, {}
+    tick, shares = timer._tick, {}
 
     def note(name, seconds):
-        longest[name] = max(longest.get(name, 0.0), seconds)
+        _longest[name] = max(_longest.get(name, 0.0), seconds)
 
     def place_of(steps):
         """Where a generator waits: the innermost function and its line."""
@@ -138,7 +146,7 @@ def watch_steps():
 
     def timed_tick():
         function = min(timer._due, key=timer._due.get, default=tick)
-        longest.clear()
+        _longest.clear()
         shares.clear()
         began, start = time.thread_time(), time.perf_counter()
         again = tick()
@@ -147,8 +155,7 @@ def watch_steps():
         _steps.append(spent)
         _longest_step[:] = max(_longest_step, [spent, name])
         if spent > SLOW:
-            parts = sorted(longest.items(), key=lambda part: -part[1])[:3]
-            listed = [f"{part} {1e3 * seconds:.0f}" for part, seconds in (*parts, *shares.items())]
+            listed = [list_longest(), *(f"{part} {1e3 * seconds:.0f}" for part, seconds in shares.items())]
             print(f"slow step: {1e3 * spent:.0f} ms ({1e3 * wall:.0f} by the clock), {_doing[0]}, {name}: "
                   f"{'; '.join(listed)}", flush=True)  # fmt: skip
         return again

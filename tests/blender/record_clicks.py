@@ -2,7 +2,8 @@
 
     python3 dev.py blender --photograph tests/blender/record_clicks.py --size 1600x1400
 
-writes clicks.md and NAME.png into build/window-shots/record_clicks.  The scans of ``CASES`` are in tests/blender/data,
+writes clicks.md, the rows of the table in docs/explanation/measurements.md without their last column, and NAME.png into
+build/window-shots/record_clicks.  The scans of ``CASES`` are in tests/blender/data,
 linked or copied there.  Buttons are found by hovering over the sidebar, and pressed with the mouse.  In the file
 browser, whose folders are set by this script, choosing a file and pressing its button count as two clicks.
 """
@@ -31,15 +32,15 @@ from tests.blender.window_driver import (
 
 DATA = Path(__file__).parent / "data"
 FILE, FOLDER = 0, 1  # entries of File > Import
-WHITE = "bpy.ops.rle_splat.plain_background("
+WHITE = {"*White Background*": "bpy.ops.rle_splat.plain_background("}
 # Name, entry of File > Import, scan, buttons that are pressed afterwards. Segmentations lie beside the scans.
 CASES = (
-    ("chest angiography", FOLDER, "dicom_ct_chest_cta_512x512x95", ()),
-    ("dissection with its labels", FILE, "cta_aorta_labels/cta_heart_aorta_120x126x164_int16.nii.gz", ()),
-    ("skull phantom", FOLDER, "dicom_ct_skull_phantom_512x512x140", ()),
-    ("PET with its SEG", FOLDER, "pet_seg/dicom_pet_128x128x266", (WHITE,)),
-    ("CT with RTSTRUCT", FOLDER, "rtstruct/dicom_ct_chest_512x512x46", ()),
-    ("nuclei with labels", FILE, "fluorescence/nuclei_256x256x60_uint16.tif", ()),
+    ("chest angiography, DICOM", FOLDER, "dicom_ct_chest_cta_512x512x95", {}),
+    ("aortic dissection with its labels, NIfTI", FILE, "cta_aorta_labels/cta_heart_aorta_120x126x164_int16.nii.gz", {}),
+    ("skull phantom, DICOM", FOLDER, "dicom_ct_skull_phantom_512x512x140", {}),
+    ("PET with its SEG", FOLDER, "pet_seg/dicom_pet_128x128x266", WHITE),
+    ("CT with an RTSTRUCT of rt-utils", FOLDER, "rtstruct/dicom_ct_chest_512x512x46", {}),
+    ("nuclei with 20 labels, TIFF", FILE, "fluorescence/nuclei_256x256x60_uint16.tif", {}),
 )
 
 
@@ -81,15 +82,15 @@ def measured(name: str, entry: int, scan: str, buttons):
     count = Count()
     owner = yield from imported(count, entry, DATA / scan)
     region_of(area_of("VIEW_3D"), "UI").active_panel_category = TAB
-    for place in buttons:
+    for place in buttons.values():
         yield from press_button(place)
         count.clicks += 1
         yield from waited(count, is_idle)
-    yield from photograph(name.replace(" ", "_"))
+    yield from photograph(name.split(",")[0].replace(" ", "_"))
+    row = f"| {name} | {', '.join(buttons)} | {count.clicks} | {count.work:.0f} | {count.seconds:.0f} |"
     with open(Path(os.environ[SHOTS]) / "clicks.md", "a", encoding="utf-8") as table:
-        spent = f"{count.clicks} | {count.seconds:.1f} | {count.work:.1f}"
-        table.write(f"| {name} | {owner.rle_splat.transfer_name} | {spent} |\n")
-    print(name, spent, owner.rle_splat.remarks, flush=True)
+        table.write(row + "\n")
+    print(row, owner.rle_splat.transfer_name, owner.rle_splat.remarks, flush=True)
     passed(name)
 
 

@@ -195,7 +195,7 @@ def scenario():
     yield from frame(HOLD)
     yield from click("bpy.ops.rle_splat.apply_preset", "ct-soft-tissue", "Click a preset", COLUMN)
     yield from frame(HOLD, name="preset")
-    assert volume.rle_splat.transfer_name == "CT bone"
+    assert volume.rle_splat.transfer_name == "CT Bone"
     with in_the_view():
         assert bpy.ops.rle_splat.remove_table() == {"FINISHED"}
         assert bpy.ops.rle_splat.change_segment(tool="GROW", length=GROW) == {"FINISHED"}

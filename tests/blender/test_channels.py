@@ -177,7 +177,7 @@ def test_a_pet_that_is_added_is_hot(bridge, tmp_path):
         filepath=str(tmp_path / "pet.raw"), shape=(N, N, N), dtype="uint16", modality="PT"
     ) == {"FINISHED"}
     function = bridge("look.transfer").read_transfer(owner.rle_splat.channels[0].source)
-    assert function.name == "PET hot" and function.span == (pytest.approx(0.01 * N**3, abs=2), pytest.approx(
+    assert function.name == "PET Hot" and function.span == (pytest.approx(0.01 * N**3, abs=2), pytest.approx(
         0.999 * N**3, abs=2))  # fmt: skip
 
 

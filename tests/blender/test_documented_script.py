@@ -2,11 +2,13 @@
 
 import re
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import bpy
 import numpy as np
 import pytest
+from bpy_extras.object_utils import world_to_camera_view
 
 from tests.blender import scenes
 
@@ -23,21 +25,25 @@ def script_of(page):
 
 
 def test_the_documented_script_runs(tmp_path):
+    pytest.importorskip("pydicom")
+    phantoms = import_module("tests.read.dicom_phantoms")
+    phantoms.write_classic(tmp_path / "scan", phantoms.geometry("a", (1, 0, 0), (0, 1, 0), [2.0 * i for i in range(6)]))
     script = script_of("script-blender.md")
-    assert script.count('"/data/scan.raw.gz"') == script.count("(256, 256, 256)") == 1
-    scan = tmp_path / "scan.raw"
-    voxels = np.zeros((8, 8, 8), np.uint8)
-    voxels[2:6, 2:6, 2:6] = 200
-    scan.write_bytes(voxels.tobytes())
-    script = script.replace('"/data/scan.raw.gz"', repr(str(scan))).replace("(256, 256, 256)", "(8, 8, 8)")
+    for name, there in (("/data/dicom", tmp_path / "scan"), ("/data/scan.png", tmp_path / "render.png")):
+        assert script.count(f'"{name}"') == 1
+        script = script.replace(f'"{name}"', repr(str(there)))
     scenes.use_cycles()
-    scenes.add_camera((0.0035, 0.0035, 0.03), type="ORTHO", ortho_scale=0.012, clip_start=0.001)
-    bpy.context.scene.render.filepath = str(tmp_path / "render.png")
     exec(compile(script, "script-blender.md", "exec"), {})
-    settings = bpy.context.scene.rle_splat
+    scene = bpy.context.scene
+    settings, camera = scene.rle_splat, scene.camera
     assert settings.quality == "fine" and settings.use_composite and settings.last_report
-    assert scenes.image_pixels(settings.image)[..., 3].max() > 0.1
-    assert scenes.backdrops(bpy.context.scene.camera)
+    assert scenes.image_pixels(settings.composite_image)[..., 3].max() > 0.1
+    (scan,) = (one for one in scene.objects if one.rle_splat.is_volume)
+    box = scan.instance_collection.objects[0]
+    seen = [world_to_camera_view(scene, camera, scan.matrix_world @ box.matrix_world @ corner.co)
+            for corner in box.data.vertices]  # fmt: skip
+    assert all(0.0 < min(place.x, place.y) and max(place.x, place.y) < 1.0 < 1.0 + place.z for place in seen)
+    assert {"R", "L"} <= {one.name for one in scene.objects}
     assert (tmp_path / "render.png").is_file()
 
 

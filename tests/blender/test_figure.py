@@ -79,7 +79,7 @@ def test_presets_are_compared(ball, tmp_path):
     ball.rle_splat.labels[1].use_color = True
     save(tmp_path / "fig.svg", compare="ct-bone, ct-skin", width_cm=4.0)
     texts = texts_of(tmp_path / "fig.svg")
-    assert {"a", "b", "CT bone", "CT skin"} <= set(texts)
+    assert {"a", "b", "CT Bone", "CT Skin"} <= set(texts)
     scenes_told = [panel["scene"] for panel in json.loads((tmp_path / "fig.figure.json").read_text())["panels"]]
     opacities = [scene["transfer_function"]["opacity"] for scene in scenes_told]
     of_label = [one["transfer_function"]["opacity"] for scene in scenes_told for one in scene["labels"]["functions"]]

@@ -192,11 +192,13 @@ def test_a_thin_line_ends_no_ray_of_a_draft(view):
     assert view.furthest_of_blocks(depths, 2).shape == (4, 5)
     slanted = np.where(np.arange(7)[:, None] == np.arange(9) // 2, np.float32(1.0), np.float32(5.0))
     assert (view.furthest_of_blocks(slanted, 1) == 5.0).all()
-    depths = np.random.default_rng(0).random((7, 9), np.float32)
-    around = [
-        [depths[max(y - 1, 0) : y + 3, max(x - 1, 0) : x + 3].max() for x in range(0, 9, 2)] for y in range(0, 7, 2)
-    ]
-    np.testing.assert_array_equal(view.furthest_of_blocks(depths, 2), around)
+    tall = np.random.default_rng(0).random((2 * view.BAND + 7, 9), np.float32)  # more than a band
+    for side in (1, 2):
+        around = [
+            [tall[max(y - 1, 0) : y + side + 1, max(x - 1, 0) : x + side + 1].max() for x in range(0, 9, side)]
+            for y in range(0, len(tall), side)
+        ]
+        np.testing.assert_array_equal(view.furthest_of_blocks(tall, side), around)
     depths[2:6] = 1.0
     assert view.differ(depths, np.full_like(depths, 5.0), 0.002)
     assert not view.differ(depths, depths * np.float32(1.0001), 0.002)

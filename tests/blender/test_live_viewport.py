@@ -98,6 +98,31 @@ def test_a_draft_comes_at_once_and_the_picture_when_all_is_still(live, made):
     assert (viewport.counts["drafts"], viewport.counts["refinements"]) == (1, 1)
 
 
+@pytest.mark.parametrize("looks, steps", [(0.0, 2), (0.009, 1), (0.025, 0)])  # seconds of looking up
+def test_a_redraw_ends_before_a_step_would_take_it_beyond_its_bite(live, made, monkeypatch, looks, steps):
+    viewport, clock, surface = made
+    done, drawn = [], surface.ends
+
+    def look(*arguments):
+        clock.now += looks
+        return drawn(*arguments)
+
+    def work(*_):
+        for number in range(5):
+            clock.now += 0.008
+            done.append(number)
+            yield
+        return []
+
+    monkeypatch.setattr(surface, "ends", look)
+    monkeypatch.setattr(live.viewport, "picture_steps", work)
+    surface.depth = 5.0
+    viewport.redraw(request_of(live), 1, surface)
+    assert len(done) == steps and viewport.is_busy
+    viewport.work()
+    assert len(done) == steps + 1, "one step at each call of the timer"
+
+
 def test_the_refined_picture_is_that_of_render(live, made, contents, core):
     viewport, clock, surface = made
     request = request_of(live)
@@ -307,6 +332,17 @@ def test_depths_are_compared_where_they_were_read(live, bridge):
     one = ends.copy()
     one[12, 12] = 3.0
     assert not differ(ends, one), "a pixel in 2000 is what an engine's samples move"
+
+
+@pytest.mark.parametrize("coarseness, count", [(0, 3), (1, 3), (None, 1)])
+def test_depths_are_prepared_in_steps_of_their_own(live, core, contents, coarseness, count):
+    """Without lines of the floor: one step looks for them, and for a draft another one widens what is behind."""
+    shot = live.frames.shot_of(request_of(live).matrices, [contents])
+    drawn = np.full(SIZE[::-1], 30.0, np.float32)
+    ends = live.frames.Ends(drawn, shot.view, shot.part, has_floor=True)
+    cache = core("pipeline.stage_cache").StageCache()
+    messages = [step.message for step in live.frames.picture_steps(shot, ends, cache, coarseness)]
+    assert [message == live.frames.READING for message in messages] == [n < count for n in range(len(messages))]
 
 
 def test_depth_ends_rays_and_without_one_triangles_do(live, made):

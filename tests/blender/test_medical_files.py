@@ -1,10 +1,14 @@
 """Medical files in Blender: imported where the patient lies, read again after a reload, with letters at the box."""
 
+import math
+
 import bpy
 import numpy as np
 import pytest
+from bpy_extras.object_utils import world_to_camera_view
+from mathutils import Vector
 
-from tests.blender import formats
+from tests.blender import formats, scenes
 
 AFFINE = np.array([(-2.0, 0.3, 0, 30), (0, 1.5, 0.4, -20), (0, 0, 3.0, 100), (0, 0, 0, 1)])  # to LPS, sheared
 
@@ -59,6 +63,33 @@ def test_letters_stand_at_the_faces(nifti, bridge):
     for letter, axis, sign in (("R", 0, -1), ("L", 0, 1), ("A", 1, -1), ("P", 1, 1), ("I", 2, -1), ("S", 2, 1)):
         away = places[letter] - middle
         assert np.abs(away).argmax() == axis and np.sign(away[axis]) == sign
+
+
+@pytest.mark.parametrize("kind", ["PERSP", "ORTHO"])
+def test_letters_and_a_scale_bar_as_objects_of_a_render(nifti, bridge, kind):
+    bpy.ops.rle_splat.import_volume(filepath=str(nifti))
+    owner, scene = active(), bpy.context.scene
+    middle = Vector(bridge("volumes.box").world_corners(owner).mean(axis=0))
+    scenes.add_camera(middle + Vector((0.0, -0.5, 0.0)), rotation=(math.radians(90.0), 0.0, 0.0), type=kind,
+                      ortho_scale=0.1, clip_start=0.01)  # fmt: skip
+    for _ in range(2):  # the second time in place of the first ones
+        assert bpy.ops.rle_splat.add_letters() == {"FINISHED"}
+    bpy.context.view_layer.update()
+    made = {one.name: one for one in scene.objects if "rle_splat_letters" in one}
+    length = {"PERSP": 50.0, "ORTHO": 20.0}[kind]  # of a picture 360 and 100 mm wide
+    assert set(made) == {"R", "L", "S", "I", "Scale Bar", f"{length:g} mm"}  # A and P lie along the view
+    seen = {name: world_to_camera_view(scene, scene.camera, one.matrix_world.translation)
+            for name, one in made.items()}  # fmt: skip
+    assert seen["R"].x < 0.5 < seen["L"].x and seen["I"].y < 0.5 < seen["S"].y  # from the front
+    assert (made["R"].matrix_world.to_3x3().normalized().col[2] - Vector((0.0, -1.0, 0.0))).length < 1e-5
+    bar = made["Scale Bar"]
+    ends = [world_to_camera_view(scene, scene.camera, bar.matrix_world @ Vector((x, 0.0, 0.0))) for x in (0.0, 1.0)]
+    at_the_middle = [world_to_camera_view(scene, scene.camera, middle + Vector((x, 0.0, 0.0)))
+                     for x in (0.0, 0.001 * length)]  # fmt: skip
+    assert ends[1].x - ends[0].x == pytest.approx(at_the_middle[1].x - at_the_middle[0].x, rel=1e-4)
+    assert 0.0 < ends[0].x < ends[1].x < 0.5 and 0.0 < ends[0].y < 0.2 and ends[0].z < min(
+        seen[name].z for name in "RLSI")  # fmt: skip
+    assert not any(one.visible_shadow for one in made.values())
 
 
 def test_a_volume_without_a_place_has_no_letters(volume_object, bridge):

@@ -15,6 +15,7 @@ pytestmark = pytest.mark.usefixtures("by_numpy")
 
 N = 40  # voxels a side
 BODY, TABLE, BONE = 100, 90, 220
+BONE_AT = 12, 16, 20  # a voxel, x, y, z
 OPACITY = [[60.0, 0.0], [80.0, 0.5], [255.0, 0.5]]
 
 
@@ -179,16 +180,28 @@ def test_the_file_is_beside_the_blend_and_none_is_overwritten(owner, tmp_path):
     assert [name for _, name, _ in rows_of(opened)] == ["Background", "200 to 255"]
 
 
-def test_undo_brings_the_segments_of_before_back(owner):
+@pytest.mark.parametrize(
+    "tool, options",
+    [
+        ("remove_table", {}), ("keep_connected", {"voxel": BONE_AT, "value": 180.0}),
+        ("threshold_segment", {"low": 80.0, "high": 130.0}),
+        *(("change_segment", {"tool": tool, "length": 6.0})
+          for tool in ("GROW", "SHRINK", "SMOOTH", "FILL", "LARGEST", "INVERT")),
+    ],
+    ids=lambda given: given if isinstance(given, str) else given.get("tool", ""),
+)  # fmt: skip
+def test_undo_brings_the_segments_of_before_back(owner, tool, options):
     bpy.ops.ed.undo_push(message="before")
     run(bpy.ops.rle_splat.threshold_segment, low=200.0, high=255.0)
     bpy.ops.ed.undo_push(message="bones")
-    file, name = owner.rle_splat.label_file, owner.name
-    run(bpy.ops.rle_splat.change_segment, tool="LARGEST")
-    bpy.ops.ed.undo_push(message="largest")
+    file, name, rows, before = owner.rle_splat.label_file, owner.name, rows_of(owner), map_of(owner)
+    run(getattr(bpy.ops.rle_splat, tool), **options)
+    assert owner.rle_splat.label_file != file
+    bpy.ops.ed.undo_push(message=tool)
     bpy.ops.ed.undo()
     owner = bpy.data.objects[name]
-    assert owner.rle_splat.label_file == file and np.count_nonzero(map_of(owner)) == np.count_nonzero(scan() == BONE)
+    assert owner.rle_splat.label_file == file and rows_of(owner) == rows
+    np.testing.assert_array_equal(map_of(owner), before)
     bpy.ops.ed.undo()
     owner = bpy.data.objects[name]
     assert owner.rle_splat.label_file == "" and not owner.rle_splat.labels

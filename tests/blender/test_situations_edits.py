@@ -130,6 +130,7 @@ EDITS = {
     "add_clip": (dict(kind="BOX", keep="INSIDE"), None),
     "clip_to_view": (dict(through="VIEW"), None),
     "add_slice": (dict(kind="ALL"), None),
+    "add_letters": ({}, None),
     "read_labels": ({}, labels),
     "solo_label": (dict(label=1), listed_labels),
     "clear_labels": ({}, listed_labels),

@@ -1,6 +1,7 @@
 """Every text of the interface has a German translation, and no translation is left over."""
 
 import re
+from collections import Counter
 
 import bpy
 import pytest
@@ -38,12 +39,18 @@ def test_translations_end_as_the_texts_do(german):
     assert not wrong, "\n".join(wrong)
 
 
+def test_a_name_is_written_in_one_way(german):
+    """Not X-ray here and X-Ray there."""
+    ways = Counter(text.casefold() for text in german)
+    assert [text for text in german if ways[text.casefold()] > 1] == []
+
+
 @WITH_SOURCES
 def test_texts_of_all_kinds_are_found(addon):
     registered, written = ui_strings.registered(MODULE), ui_strings.written()
     for text, file in (
         ("Turntable", "operators/turntable.py"), ("Maximum Error", "bridge/data/properties.py"),
-        ("Sharp Edges", "bridge/data/properties.py"), ("Cut", "panels/clip_objects.py"),
+        ("Post-Classified", "bridge/data/properties.py"), ("Cut", "panels/clip_objects.py"),
         ("Keep one side of a plane. The arrow points to the side that is removed", "operators/add_clip.py"),
     ):  # fmt: skip
         assert registered[text] == file

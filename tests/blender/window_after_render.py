@@ -102,8 +102,13 @@ def check(animation: bool, lock: bool):
     scene, name = bpy.context.scene, f"{'animation' if animation else 'still'}, {'locked' if lock else 'not locked'}"
     cut = next(one.rle_splat.slice_image for one in scene.objects if one.rle_splat.is_slice)
     scene.render.use_lock_interface = lock
+    # Blender crashes at times where it draws an image that an unlocked render writes.
+    area_of("IMAGE_EDITOR").spaces.active.image = scene.rle_splat.composite_image if lock else None
     yield
-    done, before = [], pixels_of(cut).copy()
+    done, drawn, before = [], [], pixels_of(cut).copy()
+    slices = import_module(f"{MODULE}.bridge.live.slice_drawing")
+    draw = slices._draw_picture
+    slices._draw_picture = lambda *given: drawn.append(bpy.app.is_job_running("RENDER")) or draw(*given)
 
     def note(*_):
         done.append(True)
@@ -122,7 +127,9 @@ def check(animation: bool, lock: bool):
     assert redraws > 1, "the render has ended before the view was drawn"
     bpy.app.handlers.render_complete.remove(note)
     yield from wait_for_rest()
+    slices._draw_picture = draw
     assert seen(name) == [True, False]
+    assert drawn and not any(drawn), f"{drawn}: slices are drawn after a render, and not while it writes their pictures"
     np.testing.assert_array_equal(pixels_of(cut), before)
     assert scene.render.use_lock_interface == lock
     problem = scene.rle_splat.render_problem

@@ -20,6 +20,8 @@ tests/blender is there.  RLE_SPLAT_EXTENSION_ZIP names the zip to install, RLE_S
 """
 
 import ctypes
+import faulthandler
+import math
 import os
 import re
 import shutil
@@ -63,6 +65,7 @@ class Console:
     def __init__(self):
         self._flush()
         self._terminal = os.dup(1)
+        faulthandler.enable(self._terminal)  # what a crash leaves in the file is never passed on
         self._file = tempfile.TemporaryFile()
         os.dup2(self._file.fileno(), 1)
         os.dup2(self._file.fileno(), 2)
@@ -145,6 +148,8 @@ def _steps(scenario):
     check_backend()
     if not enable():
         install()
+    # Beside other work software reads depth slowly; a viewport that has waited too often shows no lines in the volume.
+    import_module(f"{MODULE}.bridge.live.surface").WAITS = math.inf
     yield from scenario()
 
 
@@ -264,10 +269,16 @@ def is_at_rest() -> bool:
 
 
 def wait_for_rest():
-    """Step until the window has been drawn and the add-on has nothing to do."""
+    """Step until the add-on has nothing to do, and the window was drawn without giving it anything to do."""
+    rests = 0
+
+    def has_rested() -> bool:
+        nonlocal rests
+        rests = rests + 1 if is_at_rest() else 0
+        return rests == 2
+
     yield
-    yield from until(is_at_rest)
-    yield
+    yield from until(has_rested)
 
 
 def photograph(name: str):

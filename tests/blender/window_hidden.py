@@ -186,11 +186,14 @@ def check_the_state_keeps_its_height():
         owner = panel_states.add_volume(FOLDER)
     yield from settled()
     yield from photograph("up to date")
+    viewports = import_module(f"{MODULE}.bridge.live.viewport")
+    still, viewports.STILL = viewports.STILL, 3600.0  # however long a redraw takes, no refined picture comes between
     for shift in (5.0, 10.0, 15.0):
         owner.rle_splat.shift_by = shift
         yield
     assert viewport().is_busy, "the draft is refined when nothing moves any more"
     yield from photograph("refining")
+    viewports.STILL = still
     passed("the state's height")
 
 

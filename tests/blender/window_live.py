@@ -92,7 +92,6 @@ def set_up():
     yield from new_file()
     scene = bpy.context.scene
     scene.view_settings.view_transform = "Standard"
-    import_module(f"{MODULE}.bridge.live.surface").WAITS = np.inf  # beside other work, software reads depth slowly
     scene.rle_splat.quality = "standard"
     with in_the_view():
         volume = import_cube(FOLDER)

@@ -347,7 +347,7 @@ def scenario():
     from_the_front()
     yield from settled()
     yield from photograph("imported")
-    assert ct.rle_splat.transfer_name == "CT bone" and ct.rle_splat.space == "patient"
+    assert ct.rle_splat.transfer_name == "CT Bone" and ct.rle_splat.space == "patient"
     passed("import")
     for check in (check_structures, check_pet):
         yield from check(ct)

@@ -22,6 +22,7 @@ from tests.blender.window_driver import (
     photograph,
     region_of,
     until,
+    wait_for_rest,
     window,
 )
 
@@ -160,8 +161,7 @@ def check_other_tab(owner):
     for group in suits(owner):
         for entry in group.entries:
             thumbnails.icon(owner, entry)
-    for _ in range(4):
-        yield
+    yield from wait_for_rest()
     assert not pictures() and not thumbnails._wanted and thumbnails._tick not in module("loop.timer")._due
     region_of(area_of("VIEW_3D"), "UI").active_panel_category = "RLE Splat"
     yield

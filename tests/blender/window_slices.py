@@ -6,6 +6,7 @@ import tempfile
 from importlib import import_module
 from pathlib import Path
 
+import addon_utils
 import bpy
 import numpy as np
 from bpy_extras.view3d_utils import location_3d_to_region_2d
@@ -189,6 +190,24 @@ def check_back(name):
     assert not len(area_of("VIEW_3D").spaces.active.region_quadviews)
 
 
+def check_eye_closed(name):
+    """With the volume's eye closed, slices and the screen have another window after two turns of Blender's loop."""
+    assert not area_of("VIEW_3D").spaces.active.show_object_viewport_volume
+    gray = {"before": [], "after": []}
+    for state, means in gray.items():
+        yield from photograph(f"eye_closed_{state}")
+        picture = scenes.load_pixels(Path(os.environ[SHOTS]) / f"eye_closed_{state}.png")
+        means += [scenes.image_pixels(one.rle_splat.slice_image)[..., 0].mean() for one in slices().values()]
+        means.append(picture[..., 0].mean())
+        if state == "before":
+            bpy.data.objects[name].rle_splat.slice_center -= 60.0
+            yield
+            yield
+    print(f"mean grays of the slices and the screen: {gray}", flush=True)
+    assert (np.subtract(gray["after"][:3], gray["before"][:3]) > 0.02).all()
+    assert gray["after"][3] > gray["before"][3] + 0.002, "the screen shows it, too"
+
+
 def check_display(name):
     """A MIP begins with grays that suit it, on black, beside a scale bar and a color bar; the cut is switched off."""
     properties, space = bpy.data.objects[name].rle_splat, area_of("VIEW_3D").spaces.active
@@ -214,18 +233,26 @@ def check_display(name):
 
 
 def check_tab():
-    """After the extension was installed its tab is open."""
-    sidebar = region_of(area_of("VIEW_3D"), "UI")
+    """After the extension was installed its tab is open; at the next start it is not opened again."""
+    space, sidebar = area_of("VIEW_3D").spaces.active, region_of(area_of("VIEW_3D"), "UI")
     yield from until(lambda: sidebar.active_panel_category == TAB)
     yield from photograph("installed")
-    assert area_of("VIEW_3D").spaces.active.show_region_ui
+    assert space.show_region_ui
+    space.show_region_ui = False
+    addon_utils.disable(MODULE)  # the preferences stay, as from one start to the next
+    addon_utils.enable(MODULE)
+    show_once = import_module(f"{MODULE}.operators.show_tab").show_once
+    due = import_module(f"{MODULE}.bridge.loop.timer")._due
+    assert show_once in due, "each start looks whether it was opened"
+    yield from until(lambda: show_once not in due)
+    assert not space.show_region_ui
 
 
 def scenario():
     yield from check_tab()
     passed("check_tab")
     name = yield from set_up()
-    for check in (check_four_up, check_true_gray, check_wheel, check_drag, check_back, check_display):
+    for check in (check_four_up, check_true_gray, check_wheel, check_drag, check_back, check_eye_closed, check_display):
         yield from check(name)
         passed(check.__name__)
 

@@ -194,6 +194,7 @@ def scenario():
     camera_to_view()
     with in_the_view():
         assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+        assert bpy.ops.rle_splat.add_letters() == {"FINISHED"}
     yield from settled()
     passed(f"camera, {time.perf_counter() - began:.1f} s,")
 

@@ -43,6 +43,7 @@ VALUES = {
     "--labels": ["labels.raw --label-functions labels.json"],
     "--label-functions": ["labels.json --labels labels.raw --shadows --lights lights.json"],
     "--label-edges": [f"{edges} {LABELS}" for edges in ("smooth", "voxels")],
+    "--keep-table": [""],
     "--channel": ["volume.raw --channel-function function.json"],
     "--channel-function": [f"function.json --channel volume.raw {more}" for more in (LIT, "--no-shading")],
     "--tolerance": ["4"], "--probes": ["20 --tolerance 8"], "--quality": knobs.QUALITY_PRESETS, "--paper": [""],

@@ -212,7 +212,7 @@ def test_a_grid_of_transfer_functions_and_views(figure):
     titles = texts_of(figure("--compare", "ct-bone", "--compare", "x-ray", "--view", 0, 0, "--view", -90, 0,
                              functions=()) / "fig.svg")  # fmt: skip
     named = [text for text in titles if "zimuth" in text]
-    assert " ".join(titles).count("CT bone") == 2 and len(named) >= 2
+    assert " ".join(titles).count("CT Bone") == 2 and len(named) >= 2
     assert [text for text in titles if re.fullmatch("[a-z]", text)] == ["a", "b", "c", "d"]
     assert sum(text.startswith("W ") for text in titles) == 5  # below each picture, and explained in the caption
 

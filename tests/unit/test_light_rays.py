@@ -19,7 +19,7 @@ from rle_splat.runtime.steps import drain
 from rle_splat.scene import Camera, Clip, Light, Quality, Scene
 from rle_splat.shade.light_rays import brick_steps
 from rle_splat.shade.sample_light import ONE
-from rle_splat.shade.surface_points import STEPS
+from rle_splat.shade.surface_points import STEPS, points_for
 from rle_splat.volume.volume import Volume
 from tests.lamps import point, sun
 from tests.unit.test_light_nodes import (
@@ -38,10 +38,12 @@ from tests.unit.test_light_nodes import (
 WIDE_SUN = replace(sun((0.5, 0.3, -1)), angle=0.4)
 
 
-def traced(light, occluders, offsets, scattered=False):
-    """(1 or 2, m) share that arrives, and U."""
+def traced(light, occluders, offsets, scattered=False, normals=None):
+    """(m,) share that arrives, or U; without ``normals`` at the offsets themselves."""
     bricks = drain(brick_steps(occluders.voxels, drain(occluders.find_extinction()), threads=occluders.threads))
-    return drain(traced_light_steps(light, occluders, bricks, offsets, scattered)) / float(ONE)
+    normals = np.zeros_like(offsets) if normals is None else normals
+    points = points_for(light, normals, offsets, occluders.matrix)
+    return drain(traced_light_steps(light, occluders, bricks, points, scattered)) / float(ONE)
 
 
 def sparse(shape=(21, 18, 27), seed=5):
@@ -65,11 +67,13 @@ def test_kernels_and_numpy_agree(light, field):
     for cut in ((), clips):
         occluders = occluders_of(field, SKEWED, clips=cut)
         offsets = random_offsets(occluders)
-        found = traced(light, occluders, offsets, light is not None)
-        with use_reference():
-            expected = traced(light, occluders, offsets, light is not None)
-        assert cut or found.min() < 0.9
-        np.testing.assert_allclose(found, expected, rtol=0.0, atol=2.0 / float(ONE))
+        normals = np.random.default_rng(2).integers(-ONE // 2, ONE // 2, offsets.shape).astype(np.int16)
+        for given in ((False, normals), (light is not None, None)):
+            found = traced(light, occluders, offsets, *given)
+            with use_reference():
+                expected = traced(light, occluders, offsets, *given)
+            assert cut or found.min() < 0.9
+            np.testing.assert_allclose(found, expected, rtol=0.0, atol=2.0 / float(ONE))
 
 
 @pytest.mark.parametrize(("kind", "at"), [*((sun, along) for along in SUNS), *((point, place) for place in PLACES)])
@@ -81,12 +85,13 @@ def test_rays_are_those_summed_in_small_steps_and_end_at_a_lamp(kind, at):
     lamp = np.linalg.solve(SKEWED[:3, :3], np.array(at) - SKEWED[:3, 3])
     ends = far_along(SKEWED, begins, at) if kind is sun else np.broadcast_to(lamp, begins.shape)
     expected = integrated(field, SKEWED, begins, ends)
-    np.testing.assert_allclose(traced(kind(at), occluders, offsets)[0, few], expected, atol=2e-3)
+    np.testing.assert_allclose(traced(kind(at), occluders, offsets)[few], expected, atol=2e-3)
 
 
 def test_a_uniform_medium_and_its_octaves():
     occluders = occluders_of(np.full((9, 9, 40), 0.05))
-    left, beside = traced(sun((-1, 0, 0)), occluders, np.zeros((9 * 9 * 40, 3), np.int16), scattered=True)
+    offsets = np.zeros((9 * 9 * 40, 3), np.int16)
+    left, beside = (traced(sun((-1, 0, 0)), occluders, offsets, scattered) for scattered in (False, True))
     depth = 0.05 * (39.0 - np.arange(40))
     np.testing.assert_allclose(left.reshape(9, 9, 40)[4, 4], np.exp(-depth), atol=5e-5)
     expected = (2.0 * np.exp(-depth / 2.0) + np.exp(-depth / 4.0)) / 3.0
@@ -105,7 +110,7 @@ def test_a_lamp_at_the_point_and_a_medium_without_thickness_are_lit():
     occluders = occluders_of(np.full((5, 5, 5), 9.0))
     at = len(occluders.voxels) // 2
     offsets = np.zeros((len(occluders.voxels), 3), np.int16)
-    assert traced(point((2.0, 2.0, 2.0)), occluders, offsets)[0, at] == 1.0
+    assert traced(point((2.0, 2.0, 2.0)), occluders, offsets)[at] == 1.0
     flat = occluders_of(np.full((1, 5, 5), 9.0))
     assert (traced(sun((1, 0, 0)), flat, np.zeros((25, 3), np.int16)) == 1.0).all()
 
@@ -113,7 +118,7 @@ def test_a_lamp_at_the_point_and_a_medium_without_thickness_are_lit():
 def test_a_mesh_blocks_the_light():
     corners = np.array([[[-50.0, -50.0, 12.0], [90.0, -50.0, 12.0], [-50.0, 90.0, 12.0]]])
     occluders = occluders_of(np.full((20, 9, 9), 1e-4), triangles=corners)
-    found = traced(sun((0, 0, -1)), occluders, np.zeros((20 * 81, 3), np.int16))[0].reshape(20, 9, 9)
+    found = traced(sun((0, 0, -1)), occluders, np.zeros((20 * 81, 3), np.int16)).reshape(20, 9, 9)
     assert (found[:11] == 0.0).all() and (found[14:] > 0.99).all()
 
 

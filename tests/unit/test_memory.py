@@ -229,7 +229,8 @@ def test_the_estimate_covers_what_the_system_sees_a_picture_take(classification,
 
 
 LONG_SESSION = """
-import gc, itertools
+import itertools
+from statistics import median
 from dataclasses import replace
 from rle_splat.classify.presets import PRESETS, fit_preset
 from rle_splat.pipeline.render import render_steps
@@ -251,19 +252,17 @@ for number in range(300):
     function, _ = fit_preset(next(names), scene.volume)
     seen = replace(scene, camera=camera, volume_matrix=matrix, transfer_function=function, **kinds[number % 3])
     drain(render_steps(seen, Quality(threads=1, classification="pre" if number % 7 == 6 else "post"), cache))
-    if number in (99, 299):
-        gc.collect()
-        resident.append(status("VmRSS"))
-print(*resident)
+    resident.append(status("VmRSS"))
+print(int(median(resident[100:150])), int(median(resident[250:])))
 """
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="only Linux says what is resident")
-def test_two_hundred_pictures_more_take_no_more_memory():
+def test_hundreds_of_pictures_more_take_no_more_memory():
     """With views, presets, modes, lights and classifications that change, beside a full stage cache.
 
-    The first hundred load kernels and fill buffers.  Of 300 larger pictures the last 120 took not a byte more.
+    The first hundred load kernels and fill buffers.  Single pictures leave up to 2 MB more than others, medians do not.
     """
     if not compiled():
         pytest.skip("the reference implementation takes minutes")
@@ -271,7 +270,7 @@ def test_two_hundred_pictures_more_take_no_more_memory():
     assert done.returncode == 0, done.stderr
     early, late = map(int, done.stdout.split())
     # A quarter of a picture's 64 x 64 pixels of 16 bytes, kept of each.
-    assert early > 50e6 and late - early < 200 * 64 * 64 * 4, (early, late)
+    assert early > 50e6 and late - early < 150 * 64 * 64 * 4, (early, late)
 
 
 @pytest.mark.parametrize("classification", CLASSIFICATIONS)

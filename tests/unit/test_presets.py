@@ -59,6 +59,7 @@ def shown_from(volume, choice):
 def test_the_table_and_the_files_are_one():
     assert set(REQUIRED) <= set(PRESETS)
     assert {path.stem for path in FOLDER.glob("*.json")} == set(PRESETS)
+    assert {name: preset(name).name for name in PRESETS} == {name: row.label for name, row in PRESETS.items()}
 
 
 @pytest.mark.parametrize("name", PRESETS)

@@ -8,7 +8,7 @@ import pytest
 from rle_splat.runtime.jit import use_reference
 from rle_splat.runtime.steps import drain
 from rle_splat.shade.sample_light import ONE
-from rle_splat.shade.surface_normals import automatic_sigma, gaussian, noise_of_gradient, surface_steps
+from rle_splat.shade.surface_normals import LEAST, automatic_sigma, gaussian, noise_of_gradient, surface_steps
 from rle_splat.volume.volume import Volume
 
 
@@ -73,12 +73,12 @@ def test_a_ramps_steepness_is_its_slope_per_millimeter():
     np.testing.assert_allclose(inner, 15.0, rtol=1e-4)
 
 
-def test_the_middle_of_a_wall_has_no_normal_and_its_sides_point_apart():
+def test_the_middle_of_a_wall_has_next_to_no_normal_and_its_sides_point_apart():
     voxels = np.zeros((16, 16, 15), np.int16)
     voxels[:, :, 7] = 1000
     surfaces, _ = found(voxels, sigma=1.0)
     m = surfaces.vectors.reshape(*voxels.shape, 3)[8, 8, :, 0] / ONE
-    assert m[7] == 0.0 and m[6] > 0.5 and m[8] < -0.5
+    assert abs(m[7] - LEAST) < 0.01 and m[6] > 0.5 and m[8] < -0.5
 
 
 def test_noise_of_one_step_is_hardly_trusted():

@@ -10,6 +10,7 @@ from rle_splat.pipeline.plan_model import family_of
 from rle_splat.pipeline.render import render
 from rle_splat.scene import DEPTH_RULES, NO_DEPTH, Camera, Quality, RleSplatError, Scene
 from rle_splat.splat.arguments import rays_of
+from rle_splat.view import ray_intervals
 from rle_splat.view.base_plane import base_plane
 from rle_splat.view.depth_rules import cell_nodes, place_sheets
 from rle_splat.view.eye import index_view
@@ -134,6 +135,29 @@ def test_all_that_the_picture_reads_of_a_base_plane_is_seen_and_much_of_the_othe
             rays += 1
     assert rays > 1000
     assert kept < 0.9 * held
+
+
+def test_pixels_read_are_those_of_all_sheet_pixels(monkeypatch):
+    """Found at the corners of nearly all planes, and the same as among all of their pixels but for a rounding."""
+    rng, few, planes = np.random.default_rng(7), [], 0
+    positions = ray_intervals.reference.picture_positions
+
+    def count(*arguments):
+        few.append(arguments[2].shape[1] == 2)
+        return positions(*arguments)
+
+    monkeypatch.setattr(ray_intervals.reference, "picture_positions", count)
+    for _ in range(60):
+        camera, matrix, shape = random_scene(rng, str(rng.choice(("ORTHO", "PERSP"))))
+        view = index_view(camera, matrix, 400, 300)
+        for pyramid in candidate_pyramids(view):
+            plane = base_plane(view, shape, *pyramid, "slice", 1.0)
+            if plane is not None:
+                column, row = positions(399.0, 299.0, *ray_intervals._along_and_across(plane))
+                whole = int(column.min()), int(row.min()), int(column.max()) + 2, int(row.max()) + 2
+                assert np.abs(np.subtract(ray_intervals.pixels_read(plane), whole)).max() <= 1
+                planes += 1
+    assert planes == len(few) > 60 and np.mean(few) > 0.9
 
 
 def test_path_length_is_the_world_length_between_slices():

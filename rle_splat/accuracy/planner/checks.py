@@ -68,12 +68,7 @@ def check_tolerance_applies(scene: Scene, quality: Quality) -> None:
 
 
 def measurable_scene(scene: Scene, quality: Quality) -> Scene:
-    """Prepare a scene for an accuracy sweep or an error map.
-
-    Returns
-    -------
-    Scene
-        The whole frame, without the effects that are off.
+    """The whole frame of a scene without the effects that are off, for an accuracy sweep or an error map.
 
     Raises
     ------

@@ -33,7 +33,6 @@ class Choice:
 
     Attributes
     ----------
-    plan : Quality
     errors : ErrorBudget
         Expected, in levels.
     splat_ms, warp_ms : float

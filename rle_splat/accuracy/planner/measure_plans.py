@@ -141,7 +141,6 @@ def sweep_steps(
         Pixels.
     flip : callable, optional
         A further metric of the crop, a function of (picture, truth).
-    cache : StageCache, optional
 
     Returns
     -------

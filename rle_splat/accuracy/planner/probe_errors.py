@@ -37,7 +37,6 @@ class ProbeErrors:
         Its classification names the truth.
     count : int
         Ordinary probes, random and steep ones.
-    seed : int
 
     Attributes
     ----------

@@ -40,11 +40,8 @@ class PlannerSession:
         The scene without the effects that are off.
     quality : Quality
         What no plan decides, such as the classification, the record and the threads.
-    cache : StageCache
     refuse_empty_view : bool
         As ``render_steps`` takes it.
-    model : Model
-    features : Features
     machine : MachineProfile
         By which plans are chosen.
     pilots : dict

@@ -26,7 +26,7 @@ COST_TERMINATION = 1 / 16384
 
 
 def single_ray_steps(scene: Scene, quality: Quality, columns, rows, slabs: int, cache: StageCache):
-    """Trace single rays through pixels of a picture.  Generator of the fraction done.
+    """Trace single rays through pixels of a picture.  Generator of fractions done.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def with_rays(stages_ms: dict, spent: float) -> dict:
 
 
 def ray_cost_steps(scene: Scene, quality: Quality, estimate: ErrorEstimate, cell_us: float, slab_us: float, cache):
-    """Measure the RayCost of a scene at some of its pixels.  Generator of the fraction done; returns the RayCost.
+    """Measure the RayCost of a scene at some of its pixels.  Generator of fractions done; returns the RayCost.
 
     ``cell_us``, ``slab_us``: of the MachineProfile.
     """

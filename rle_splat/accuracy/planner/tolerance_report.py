@@ -24,8 +24,6 @@ class Round:
 
     Attributes
     ----------
-    choice : Choice
-    rendering : Rendering
     rays : int
         Pixels that single rays traced.
     rays_ms : float
@@ -85,7 +83,6 @@ def with_report(
     ----------
     tolerance : float
         Levels.
-    rounds : list of Round
     spent : float
         Milliseconds of everything.
     left_out : list of str

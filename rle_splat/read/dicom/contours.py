@@ -91,6 +91,9 @@ def _area(polygon: np.ndarray) -> float:
 def fill_slices(polygons, places, shape: tuple[int, int, int], spacing):
     """Generator: the slices of a grid that a region of parallel contours fills.
 
+    A slice between two planes takes the shape between their shapes: the linear interpolation of their signed distances
+    (Raya and Udupa, Shape-based interpolation of multidimensional objects, 1990).
+
     Parameters
     ----------
     polygons : list of (n, 2) ndarray
@@ -108,11 +111,6 @@ def fill_slices(polygons, places, shape: tuple[int, int, int], spacing):
         See ``fill``; each plane is counted once.
     between : bool
         Whether the slice lies between two planes and was interpolated.
-
-    Notes
-    -----
-    A slice between two planes takes the shape between their shapes: the linear interpolation of their signed distances
-    (Raya and Udupa, Shape-based interpolation of multidimensional objects, 1990).
     """
     planes = np.cumsum(np.concatenate([[0], np.diff(np.sort(places)) > ON_SLICE]))
     order = np.argsort(places, kind="stable")

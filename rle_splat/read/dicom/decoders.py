@@ -46,7 +46,7 @@ class Order:
 
 
 def decode_frames(orders, limit: int):
-    """Generator: decode frames.
+    """Generator: decode frames; Refused if a frame cannot be decoded.
 
     Parameters
     ----------
@@ -58,11 +58,6 @@ def decode_frames(orders, limit: int):
     ------
     (Order, bytes) or None
         Frames in the order in which they are ready; None when none is, a few times in 0.2 s.
-
-    Raises
-    ------
-    Refused
-        If a frame cannot be decoded.
     """
     if not orders:
         return

@@ -61,12 +61,10 @@ class Elements:
 
     Attributes
     ----------
-    path : Path
     syntax : str
         UID of the transfer syntax; "" if the file does not say.
     is_directory : bool
         Whether the file is a DICOMDIR.
-    little_endian : bool
     dataset : pydicom.Dataset
         The named elements.
     frames : tuple of pydicom.Dataset
@@ -209,19 +207,13 @@ def _to_dataset(stream):
     return syntax, kind == DIRECTORY_CLASS, bool(implicit), bool(little_endian)
 
 
-def read_elements(path, contours: bool = False):
-    """Generator: read the named elements of one file; yields None now and then, so that it can be stopped.
+def read_elements(path: str | Path, contours: bool = False):
+    """Generator of None now and then: read the named elements of one file; returns None if it is not DICOM.
 
     Parameters
     ----------
-    path : str or Path
     contours : bool
         Whether to read the contours of an RTSTRUCT.
-
-    Returns
-    -------
-    Elements or None
-        None if the file is not DICOM.
 
     Raises
     ------

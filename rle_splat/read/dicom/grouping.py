@@ -7,19 +7,9 @@ from itertools import pairwise
 import numpy as np
 
 from ...scene import RleSplatError
+from . import stacking
 from .pictures import SEPARATORS, TIMES, ImageFrame
 from .refusals import Refused, no_positions, nothing_apart, single_picture
-from .stacking import (
-    Stack,
-    axes,
-    common_orientation,
-    parallel_lines,
-    parts_at_gaps,
-    places,
-    sort_along,
-    stack,
-    stack_without_positions,
-)
 
 # Direction cosines and, relative, pixel spacings of one stack differ by at most this, and by this at a slice's edge.
 SAME_DIRECTION, PART_OF_PIXEL = 1e-3, 0.5
@@ -89,7 +79,7 @@ class Group:
         """Whether its pictures are localizers."""
         return self.first.localizer
 
-    def stack(self, frame: int = 0, spacing=None) -> Stack:
+    def stack(self, frame: int = 0, spacing=None) -> stacking.Stack:
         """Geometry of one frame; ``spacing`` (sx, sy, sz) in mm for files without positions. Raises Refused."""
         if self.refusal is not None:
             raise self.refusal
@@ -100,10 +90,10 @@ class Group:
             if spacing is not None:
                 raise RleSplatError("The files of this series state its geometry; leave out --spacing.")
             storage = slices[0].storage
-            return stack(*collect_planes(slices), (storage.rows, storage.columns))
+            return stacking.stack(*collect_planes(slices), (storage.rows, storage.columns))
         if spacing is None:
             raise no_positions()
-        return stack_without_positions(len(slices), spacing)
+        return stacking.stack_without_positions(len(slices), spacing)
 
 
 def has_geometry(picture: ImageFrame) -> bool:
@@ -153,7 +143,7 @@ def parallel_parts(pictures) -> list[list[ImageFrame]]:
     gap = min(SAME_DIRECTION, PART_OF_PIXEL / max(storage.rows, storage.columns))
     said = [(*(picture.orientation or ()), *np.log(picture.spacing or ())) for picture in pictures]
     parts = {}
-    for picture, part in zip(pictures, parts_at_gaps(said, gap).tolist()):
+    for picture, part in zip(pictures, stacking.parts_at_gaps(said, gap).tolist()):
         parts.setdefault(part, []).append(picture)
     return list(parts.values())
 
@@ -165,11 +155,11 @@ def _groups_of_parallel(pictures, same_voxels) -> list[Group]:
         return [Group((tuple(ordered),))]
     try:
         positions, orientations, _ = collect_planes(pictures)
-        row, column, normal = axes(common_orientation(orientations))
+        row, column, normal = stacking.axes(stacking.common_orientation(orientations))
     except Refused as problem:
         return [Group((tuple(pictures),), refusal=problem)]
     positions = np.array(positions)
-    lines = parallel_lines(positions, row, column)
+    lines = stacking.parallel_lines(positions, row, column)
     split = [np.flatnonzero(lines == line) for line in range(lines.max() + 1)]
     if min(len(part) for part in split) < FEWEST_SLICES:  # no parallel stacks: the stack's own refusal says how far off
         split = [np.arange(len(pictures))]
@@ -182,9 +172,9 @@ def _groups_of_parallel(pictures, same_voxels) -> list[Group]:
 
 def _tell_apart(pictures, positions, normal, same_voxels) -> list[Group]:
     """The groups of pictures on one line: mostly one, with frames where places repeat."""
-    order = sort_along(positions, normal)
+    order = stacking.sort_along(positions, normal)
     pictures, positions = [pictures[i] for i in order], positions[order]
-    place = places(positions, normal)
+    place = stacking.places(positions, normal)
     kept, copies = _without_copies(pictures, place, lambda a, b: _same_object(a, b) and same_voxels(a, b))
     remarks = _copies_remark(copies)
     pictures, place = [pictures[i] for i in kept], place[kept]
@@ -274,7 +264,7 @@ def _frames_of(name: str, split: dict, count: int):
 
 
 def choose_group(groups, series: int | None, titles, key: str | None = None) -> Group:
-    """The group to read.
+    """The group to read; RleSplatError if there is no such group, or several and none is given (SeveralSeries).
 
     Parameters
     ----------
@@ -286,11 +276,6 @@ def choose_group(groups, series: int | None, titles, key: str | None = None) -> 
     key : str or None
         ``Series.key`` of a series that was read before: it is taken wherever it is in the list now, and ``series`` only
         tells its groups apart. Where it is not in the list, the only one that is a stack of slices is taken.
-
-    Raises
-    ------
-    RleSplatError
-        If there is no such group, or several and none is given (SeveralSeries).
     """
     if key is not None:
         own = [group for group in groups if group.first.series.key == key]

@@ -19,7 +19,7 @@ RLE_RATIO = 64  # run-length encoding cannot shrink data more than this many tim
 
 
 def decode_planes(pictures):
-    """Generator: decode pictures.
+    """Generator: decode pictures; Refused if a file breaks off, is damaged, or a frame cannot be decoded.
 
     Parameters
     ----------
@@ -29,11 +29,6 @@ def decode_planes(pictures):
     ------
     (int, ndarray) or None
         The number of a picture and its stored voxels (rows, columns), in any order; None when none is ready.
-
-    Raises
-    ------
-    Refused
-        If a file breaks off, is damaged, or a frame cannot be decoded.
     """
     places = {}
     for picture in pictures:

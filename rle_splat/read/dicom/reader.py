@@ -151,7 +151,8 @@ def _voxel_steps(pictures, stack: Stack, mapping):
     yield Progress(0.0, f"Reading {what}, {bytes_text(needed)}")
     refuse_beyond(needed, f"{what} need", "choose a smaller series")
     voxels = np.empty(shape, dtype=dtype)
-    apart = not _fits_in_place(stack, len(pictures))
+    # In place only where no slice of the grid is written before the file's slices that later ones need have been used
+    apart = not np.all(np.arange(stack.slices) <= stack.slices - len(pictures) + stack.below)
     if apart:
         refuse_beyond(2 * needed, f"{what} with irregular distances need", "choose a smaller series")
     read = np.empty((len(pictures), *shape[1:]), dtype=dtype) if apart else voxels[stack.slices - len(pictures) :]
@@ -161,11 +162,6 @@ def _voxel_steps(pictures, stack: Stack, mapping):
         voxels[k] = blend(read[j], read[j + 1], weight) if weight > 0.0 else read[j]
         yield Progress(0.9 + 0.1 * k / stack.slices, "Filling missing slices")
     return voxels, padded
-
-
-def _fits_in_place(stack: Stack, count: int) -> bool:
-    """Whether no slice of the grid is written before the file's slices that later ones need have been used."""
-    return bool(np.all(np.arange(stack.slices) <= stack.slices - count + stack.below))
 
 
 def _decode_steps(pictures, target: np.ndarray, mapping):

@@ -170,14 +170,12 @@ def named_labels(dataset) -> tuple[NamedLabel, ...]:
 def linear_rgb(stored) -> tuple[float, float, float]:
     """Scene-linear RGB of a color as DICOM stores it.
 
+    DICOM PS3.3, section C.10.7.1.1: L* is 0 to 100 and a*, b* are -128 to 127 for 0 to 65535.
+
     Parameters
     ----------
     stored : (3,) array_like
         CIELab under D50, scaled to 16 bits.
-
-    Notes
-    -----
-    DICOM PS3.3, section C.10.7.1.1: L* is 0 to 100 and a*, b* are -128 to 127 for 0 to 65535.
     """
     scaled = np.asarray(stored, dtype=np.float64) / 65535.0
     lightness, a, b = 100.0 * scaled[0], 255.0 * scaled[1] - 128.0, 255.0 * scaled[2] - 128.0

@@ -86,16 +86,14 @@ def _elapsed(begin, end) -> float | None:
 def suv_factor(pets) -> tuple[float, str]:
     """The factor from stored activity to SUV by body weight, and "", or 1 and the reason why there is none.
 
+    SUV = activity in Bq/ml * weight in g / dose in Bq, the dose decayed to the time to which the values are corrected:
+    the injection (ADMIN), or the start of the scan (START), which is the time of the series unless this is later than a
+    picture, as for a series that was made again. Source: QIBA, vendor-neutral pseudo-code for SUV.
+
     Parameters
     ----------
     pets : sequence of Pet
         Of all pictures of a volume.
-
-    Notes
-    -----
-    SUV = activity in Bq/ml * weight in g / dose in Bq, the dose decayed to the time to which the values are corrected:
-    the injection (ADMIN), or the start of the scan (START), which is the time of the series unless this is later than a
-    picture, as for a series that was made again. Source: QIBA, vendor-neutral pseudo-code for SUV.
     """
     pet = pets[0]
     reason = next((text for is_so, text in (

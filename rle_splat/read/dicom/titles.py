@@ -29,7 +29,6 @@ class SeriesInfo:
     size : (columns, rows)
     spacing : tuple of float or None
         Distances between columns, rows and slices in mm; None if the files do not say or the series is no stack.
-    frames : int
     axis : str
         What the frames differ in.
     problem : str
@@ -87,17 +86,12 @@ def volume_name(group: Group) -> str:
 
 
 def thumbnail(group: Group) -> np.ndarray:
-    """The middle slice as gray levels.
+    """The middle slice as gray levels; RleSplatError if the slice cannot be decoded.
 
     Returns
     -------
     (h, w) ndarray of uint8
         Row 0 on top, at most THUMBNAIL_SIDE a side, pixels in the proportions of the file's grid.
-
-    Raises
-    ------
-    RleSplatError
-        If the slice cannot be decoded.
     """
     picture = group.frames[0][group.slices // 2]
     plane = next(answer[1] for answer in decode_planes([picture]) if answer is not None)

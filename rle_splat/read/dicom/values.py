@@ -24,6 +24,8 @@ def common_dtype(pictures) -> np.dtype:
 def extract_stored_values(words: np.ndarray, bits: int, high: int, signed: bool, dtype: np.dtype) -> np.ndarray:
     """Stored voxels from allocated words: bits ``high - bits + 1`` to ``high``, the sign extended.
 
+    DICOM PS3.5, section 8.1.1. (x ^ s) - s extends the sign bit s.
+
     Parameters
     ----------
     words : ndarray of an unsigned integer
@@ -37,10 +39,6 @@ def extract_stored_values(words: np.ndarray, bits: int, high: int, signed: bool,
     -------
     ndarray
         A view of ``words`` where nothing has to be changed.
-
-    Notes
-    -----
-    DICOM PS3.5, section 8.1.1. (x ^ s) - s extends the sign bit s.
     """
     size = 8 * words.dtype.itemsize
     if bits == size:

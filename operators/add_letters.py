@@ -1,0 +1,99 @@
+"""Add Letters and Scale Bar: what viewports draw over a volume, as objects, which renders show too."""
+
+import bpy
+from mathutils import Matrix, Vector
+
+from ..bridge import linked, versions
+from ..bridge.data.settings import scene_scale_of
+from ..bridge.live import bars, letters, slices
+from ..bridge.volumes import attached, box, volumes
+from .refusal import refuse
+from .through_camera import has_volume_and_camera
+
+MARK = "rle_splat_letters"  # custom property: the name of the volume that an object is for
+SIZE, LONGEST, MARGIN = 0.045, 0.25, 0.04  # of a letter, of the bar and of the space beside it, shares of the picture
+ALONG = 0.9  # cosine with the view above which letters lie in front of the volume and behind it
+
+
+class RLE_SPLAT_OT_add_letters(bpy.types.Operator):
+    """Add the letters of the patient's sides and a scale bar as objects, which renders show. The letters turn to the
+    camera; in perspective the bar is true in the middle of the volume. Press again after moving the camera"""
+
+    bl_idname = "rle_splat.add_letters"
+    bl_label = "Add Letters and Scale Bar"
+    bl_options = {"REGISTER", "UNDO"}
+
+    poll = classmethod(has_volume_and_camera)
+
+    def execute(self, context):
+        owner, scene, camera = volumes.volume_object(context), context.scene, context.scene.camera
+        frame, corners = camera.matrix_world.normalized(), box.world_corners(owner).tolist()
+        depths = [-(frame.inverted() @ Vector(corner)).z for corner in corners]
+        if not depths or min(depths) + max(depths) <= 0.0:
+            return refuse(self, "The camera does not see the volume; turn it to the volume.")
+        for one in [one for one in scene.objects if one.get(MARK) == owner.name]:
+            bpy.data.objects.remove(one)
+        material = _emission()
+        for name, data, parent, matrix in (*_letters(owner, scene, frame), *_bar(owner, scene, frame, depths)):
+            one = bpy.data.objects.new(name, data)
+            one[MARK] = owner.name
+            data.materials.append(material)
+            linked.put_into_scene(context, one)
+            for ray in slices.LAMPS:
+                setattr(one, ray, False)
+            attached.attach(one, parent, matrix)
+            if parent == owner:
+                one.constraints.new("COPY_ROTATION").target = camera
+        return {"FINISHED"}
+
+
+def _letters(owner, scene, frame):
+    """Yield name, text, parent and matrix of each letter that does not lie in front of the volume or behind it."""
+    high, _, low, _ = scene.camera.data.view_frame(scene=scene)
+    found = [(letter, Vector(place.tolist())) for letter, place in letters.placed_letters(owner)]
+    for first, second in zip(found[::2], found[1::2]):
+        if abs((second[1] - first[1]).normalized().dot(frame.col[2].xyz)) > ALONG:
+            continue
+        for letter, place in (first, second):
+            size = SIZE * (high.y - low.y)
+            if scene.camera.data.type != "ORTHO":
+                size *= (frame.inverted() @ place).z / low.z
+            matrix = Matrix.Translation(place) @ frame.to_3x3().to_4x4() @ Matrix.Scale(size, 4)
+            yield letter, _text(letter), owner, matrix
+
+
+def _bar(owner, scene, frame, depths):
+    """Yield name, mesh or text, parent and matrix of a bar and of its length, at the lower left before the volume."""
+    high, _, low, _ = scene.camera.data.view_frame(scene=scene)
+    distance = max(0.9 * min(depths), 1.01 * scene.camera.data.clip_start)
+    in_perspective = scene.camera.data.type != "ORTHO"
+    a_unit = scene_scale_of(scene, owner.rle_splat.length_unit)  # of length in the middle of the volume, as seen
+    if in_perspective:
+        a_unit *= -2.0 * low.z / (min(depths) + max(depths))
+    width, size = high.x - low.x, SIZE * (high.y - low.y)
+    length = bars.length_of_bar(a_unit, LONGEST * width)
+    corner = frame @ Matrix.Translation((0.0, 0.0, -distance))
+    corner @= Matrix.Scale(-distance / low.z if in_perspective else 1.0, 4)
+    corner @= Matrix.Translation((low.x + MARGIN * width, low.y + MARGIN * width, 0.0))
+    mesh = bpy.data.meshes.new("Scale Bar")
+    mesh.from_pydata([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], [], [(0, 1, 2, 3)])
+    yield "Scale Bar", mesh, scene.camera, corner @ Matrix.Diagonal((length * a_unit, 0.15 * size, 1.0, 1.0))
+    title = f"{length:g} {owner.rle_splat.length_unit}"
+    above = Matrix.Translation((0.0, 0.9 * size, 0.0)) @ Matrix.Scale(0.8 * size, 4)
+    yield title, _text(title, "LEFT"), scene.camera, corner @ above
+
+
+def _text(body: str, align: str = "CENTER"):
+    curve = bpy.data.curves.new(body, "FONT")
+    curve.body, curve.align_x, curve.align_y = body, align, "CENTER"
+    return curve
+
+
+def _emission():
+    """A white material, whatever the light."""
+    material = bpy.data.materials.new("Letters")
+    tree = versions.material_tree(material)
+    tree.nodes.clear()
+    emission, output = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("Emission", "OutputMaterial"))
+    tree.links.new(emission.outputs[0], output.inputs["Surface"])
+    return material
