@@ -6,7 +6,7 @@
 NUMBA_CPU_NAME names the processor that the kernels are for.  The number of kernels is printed.
 
 Machine code is the same for all Pythons: it calls them by functions of their stable interface alone (a test of
-tests/unit/test_shipped_kernels.py).  The digest of a kernel's sources is not, because it covers Python's instructions.
+tests/unit/test_machine_code.py).  The digest of a kernel's sources is not, because it covers Python's instructions.
 """
 
 from __future__ import annotations

@@ -43,8 +43,11 @@ AFTER = {"read": NOTHING, "project": NOTHING} | dict.fromkeys(WANT_BLENDER, EVER
 # Files of tests/unit that call no kernel of a package: they run while those are compiled.
 WITHOUT_KERNELS = tuple(
     TESTS_FOLDER / "unit" / f"test_{name}.py"
-    for name in ("contrast", "gallery", "guess_byte_order", "kernel_cache", "larger_voxels", "presets", "view")
-)
+    for name in (
+        "contrast", "gallery", "guess_byte_order", "kernel_cache", "larger_voxels", "presets", "shipped_kernels",
+        "view",
+    )
+)  # fmt: skip
 WITHOUT_KERNELS_STAGE = "core, unit without kernels"
 
 # Threads of small pictures and matrices, which most tests make, wait for each other longer than they work.  Those of
@@ -65,7 +68,7 @@ QUICK = ("project", "unit", "effects", "figure", "read", "cli")  # the core's fo
 # The longest parts, which begin first; the others take a minute or less.
 LONGEST = (
     REAL_BLENDER, "core-unit", f"bpy-{NEWEST}", "hard-cases", "core-truths", "core-effects", "bpy-5.0", "bpy-4.5",
-    "bpy-5.2", "core-read", "core-without-kernels", "core-cli", "extras",
+    "bpy-5.2", "core-read", "core-without-kernels", "core-cli", "extras", "core-planner",
 )  # fmt: skip
 
 OTHERS = {"bench": ensure_bench, "cluster": lambda: ensure(CLUSTER)}  # make the environments that some tests want

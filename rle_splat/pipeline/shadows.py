@@ -87,12 +87,7 @@ def traced_steps(scene: Scene, occluders: Occluders, points, points_key, job: Jo
             steps = job.steps("shadows", key, partial(trace, light, scattered))
             with clock.stage("shadows"):
                 found.append(Arriving((yield from steps), 1.0, key))
-    if scene.ambient_occlusion > 0.0:
-        key = (occluders.key, TRACED, points_key)
-        steps = job.steps("ambient occlusion", key, partial(trace, None))
-        with clock.stage("ambient occlusion"):
-            codes = yield from steps
-        found.append(Arriving(codes, scene.ambient_occlusion, (*key, scene.ambient_occlusion)))
+    yield from _add_ambient_steps(found, scene, (occluders.key, TRACED, points_key), partial(trace, None), job, clock)
     return found
 
 
@@ -138,13 +133,17 @@ def arriving_steps(scene: Scene, occluders: Occluders, job: Job, clock: Clock, s
             further.append(Arriving(beside, 1.0, (*key, "further")))
         found.append(Arriving(codes, 1.0, key))
     found += further
+    yield from _add_ambient_steps(found, scene, (occluders.key, side), ambient_steps, job, clock)
+    return found
+
+
+def _add_ambient_steps(found: list[Arriving], scene: Scene, key, find_steps, job: Job, clock: Clock):
+    """Generator of fractions done: add ambient light, if there is ambient occlusion."""
     if scene.ambient_occlusion > 0.0:
-        key = (occluders.key, side)
-        steps = job.steps("ambient occlusion", key, ambient_steps)
+        steps = job.steps("ambient occlusion", key, find_steps)
         with clock.stage("ambient occlusion"):
             codes = yield from steps
         found.append(Arriving(codes, scene.ambient_occlusion, (*key, scene.ambient_occlusion)))
-    return found
 
 
 def shadow_steps(scene: Scene, occluders: Occluders, job: Job, clock: Clock):

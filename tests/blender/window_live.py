@@ -116,11 +116,11 @@ SHADINGS = [
 def check_shadings():
     """The color of an opaque volume is what Standard makes of it, in every shading mode, with and without overlays."""
     space = area_of("VIEW_3D").spaces.active
-    for overlays in (True, False):
-        space.overlay.show_overlays = overlays
-        for shading, engine in SHADINGS:
-            bpy.context.scene.render.engine = engine
-            space.shading.type = shading
+    for shading, engine in SHADINGS:
+        bpy.context.scene.render.engine = engine
+        space.shading.type = shading
+        for overlays in (True, False):
+            space.overlay.show_overlays = overlays
             yield from settled()
             name = f"{shading.lower()}_{engine.lower()}{'' if overlays else '_bare'}"
             yield from photograph(name)
@@ -212,10 +212,10 @@ def check_mesh_inside():
 def check_mesh_hides_in_every_shading():
     """A mesh before the volume hides it by its depth, and by its triangles where an engine leaves no depth."""
     space = area_of("VIEW_3D").spaces.active
-    for overlays in (True, False):
-        space.overlay.show_overlays = overlays
-        for shading, engine in (("MATERIAL", "BLENDER_EEVEE"), ("RENDERED", "CYCLES")):
-            bpy.context.scene.render.engine, space.shading.type = engine, shading
+    for shading, engine in (("MATERIAL", "BLENDER_EEVEE"), ("RENDERED", "CYCLES")):
+        bpy.context.scene.render.engine, space.shading.type = engine, shading
+        for overlays in (True, False):
+            space.overlay.show_overlays = overlays
             for _ in range(3):  # an engine may have its depth some redraws later
                 yield from settled()
             name = f"mesh_{shading.lower()}{'' if overlays else '_bare'}"
