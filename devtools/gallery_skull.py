@@ -1,4 +1,5 @@
-"""The set of the gallery that shows a skull, cut open, with a plate of titanium (runs in an environment with bpy).
+"""The set of the gallery that shows a skull, cut open, with a plate of titanium over a hole (runs in an environment
+with bpy).
 
 Every step is an operator, a modifier or a setting that a user has, too.
 """
@@ -8,16 +9,18 @@ from __future__ import annotations
 import math
 
 import bpy
-from demo_scene import material, named
+from demo_scene import box_of, material, named
 from gallery_studio import COLD, RENDER, Stage, emission, letters, scale_bar, softbox_world, view_transform
 from mathutils import Matrix, Vector
 
 MM = 0.001
-CUT = 9.0  # the sagittal plane of the cut, mm to the left of the middle of the scan
+CORNER = Vector((4.0, 0.0, 14.0))  # the left upper quarter beyond it is cut away
+GAP = Vector((15.0, 40.0, 13.0))  # half sides of the hole in the forehead, below the plate
 PATCH = Vector((-22.0, -150.0, 24.0))  # before the forehead, where the plate is
-CELL, COLUMNS, ROWS = 5.2, 9, 9  # of the plate: mm from hole to hole; holes
+CELL, COLUMNS, ROWS = 5.8, 9, 9  # of the plate: mm from hole to hole; holes
 SOLID = 250.0  # HU: between air and the plastic of the skull, 700 HU
 WINDOW = 575.0, 850.0  # HU, level and width: below it is air, and the blocks inside
+SHIFT = -100.0  # HU: thin walls are less dense
 THICKNESS = 0.05  # mm that have the opacity of the curve: light through a clear wall would show the layers of 1 mm
 
 
@@ -63,8 +66,8 @@ def _surface_before(bone, eye: Vector) -> tuple[Vector, Vector]:
     return bone.matrix_world @ place, normal.normalized()
 
 
-def _plate(stage: Stage, bone, coat) -> None:
-    """A net shrinkwrapped onto the bone, its bars made solid, with screws along its edge."""
+def _plate(stage: Stage, bone, coat) -> Matrix:
+    """A net shrinkwrapped onto the bone, its bars made solid, with screws along its edge; returns its place."""
     at = stage.middle
     place, normal = _surface_before(bone, at + MM * PATCH)
     plate = _net(place + 15.0 * MM * normal)
@@ -101,55 +104,75 @@ def _plate(stage: Stage, bone, coat) -> None:
         head.matrix_world = Matrix.Translation(place) @ turned @ Matrix.Diagonal((1.0, 1.0, 0.45, 1.0))
         bpy.ops.mesh.primitive_cylinder_add(radius=1.0 * MM, depth=9.0 * MM, vertices=32)
         named("Screw", coat).matrix_world = Matrix.Translation(place - 4.5 * MM * normal) @ turned
+    return to_world
+
+
+def _without(stage: Stage, place: Matrix, half: Vector) -> None:
+    """Cut away what is inside a box."""
+    bpy.context.view_layer.objects.active = stage.volume
+    bpy.ops.rle_splat.add_clip(kind="BOX", keep="OUTSIDE")
+    box = bpy.context.view_layer.objects.active
+    box.matrix_world = place @ Matrix.Diagonal((*(MM * half / box.empty_display_size), 1.0))
+    bpy.context.view_layer.objects.active = stage.volume
+
+
+def _slice(stage: Stage, kind: str, low: Vector, high: Vector) -> None:
+    """A slice as large as a box around it; places in mm from the middle of the scan."""
+    bpy.context.view_layer.objects.active = stage.volume
+    bpy.ops.rle_splat.add_slice(kind=kind)
+    made = bpy.context.view_layer.objects.active
+    bpy.context.view_layer.update()
+    size = box_of(stage.volume)[1] - box_of(stage.volume)[0]
+    for axis in (0, 1):
+        along = made.matrix_world.to_3x3().col[axis].normalized()
+        part = max(range(3), key=lambda side: abs(along[side]))
+        made.scale[axis] *= MM * (high - low)[part] / size[part]
+    bpy.context.view_layer.update()
+    made.matrix_world = (Matrix.Translation(stage.middle + MM * 0.5 * (low + high) - made.matrix_world.translation)
+                         @ made.matrix_world)  # fmt: skip
+    bpy.context.view_layer.objects.active = stage.volume
 
 
 def skull(stage: Stage):
-    """A skull cut by a sagittal plane, the cut in plain gray, with a titanium plate on the forehead."""
+    """A skull without its left upper quarter, the cut in plain gray, a titanium plate over a hole in the forehead."""
     ours, at = stage.volume.rle_splat, stage.middle
     bpy.context.view_layer.objects.active = stage.volume
     bpy.ops.rle_splat.apply_preset(preset="ct-bone")
     bpy.ops.rle_splat.remove_table()
+    bpy.ops.rle_splat.change_segment(tool="GROW", length=2.0)  # so that thin walls are whole
     for row in ours.labels:
         row.show = row.label_name == "Body"
     titanium = material("Titanium", (0.5, 0.52, 0.56), roughness=0.3, metallic=1.0)
     bpy.ops.rle_splat.extract_surface(of="VALUE", value=SOLID)
     bone = bpy.context.view_layer.objects.active
-    _plate(stage, bone, titanium)
+    plate = _plate(stage, bone, titanium)
     bone.hide_render = bone.hide_viewport = True
-    bpy.context.view_layer.objects.active = stage.volume
-    bpy.ops.rle_splat.add_clip(kind="PLANE")
-    plane = bpy.context.view_layer.objects.active
-    plane.matrix_world = (Matrix.Translation(at + MM * Vector((CUT, 0.0, 0.0)))
-                          @ Matrix.Rotation(math.radians(90.0), 4, "Y") @ Matrix.Scale(0.11, 4))  # fmt: skip
-    bpy.context.view_layer.objects.active = stage.volume
-    bpy.ops.rle_splat.add_slice(kind="sagittal")
-    made = bpy.context.view_layer.objects.active
-    along = max((0, 1), key=lambda axis: abs(made.matrix_world.to_3x3().col[axis].normalized().y))
-    made.scale[along] *= 0.8  # the head holder is beyond it
-    bpy.context.view_layer.update()
-    made.matrix_world = (Matrix.Translation(at + MM * Vector((CUT, -8.0, 0.0)) - made.matrix_world.translation)
-                         @ made.matrix_world)  # fmt: skip
+    _without(stage, plate, GAP)
+    _without(stage, Matrix.Translation(at + MM * (CORNER + Vector((100.0, 0.0, 100.0)))), Vector((100.0, 200.0, 100.0)))
+    front, back, left, top = -105.0, 84.0, 82.0, 69.0  # the head holder is beyond them
+    _slice(stage, "sagittal", Vector((CORNER.x, front, CORNER.z)), Vector((CORNER.x, back, top)))
+    _slice(stage, "axial", Vector((CORNER.x, front, CORNER.z)), Vector((left, back, CORNER.z)))
     ours.slices_follow_window, ours.slices_clear_black = False, True
     ours.slice_center, ours.slice_width = WINDOW
-    ours.opacity_unit_distance, ours.smoothness = THICKNESS, 2.0
+    ours.shift_by, ours.opacity_unit_distance, ours.smoothness = SHIFT, THICKNESS, 2.0
     white = emission("Letters", (0.85, 0.87, 0.9))
     floor = stage.low.z + 1.0 * MM
-    upright = Matrix.Rotation(math.radians(42.0), 4, "Z") @ Matrix.Rotation(math.radians(90.0), 4, "X")  # to the camera
-    for body, x, y in (("R", -104.0, -70.0), ("L", 75.0, 30.0)):
+    upright = Matrix.Rotation(math.radians(22.0), 4, "Z") @ Matrix.Rotation(math.radians(90.0), 4, "X")  # to the camera
+    for body, x, y in (("R", -92.0, -74.0), ("L", 108.0, 15.0)):
         place = Vector((at.x + x * MM, at.y + y * MM, floor + 9.0 * MM))
-        letters(body, Matrix.Translation(place) @ upright, 18.0 * MM, white)
-    place = Vector((at.x - 20.0 * MM, at.y - 110.0 * MM, floor))
-    scale_bar("50 mm", Matrix.Translation(place) @ upright, 50.0 * MM, 9.0 * MM, white)
-    toward = (1.18, -1.88, 0.66)
-    stage.camera(toward, lens=74.0, aim=(-0.06, -0.11, -0.04))
-    stage.sweep(toward, stage.foot, (0.05, 0.055, 0.065))
-    stage.key(2.9, (1.73, -0.76, 1.5))
+        letters(body, Matrix.Translation(place) @ upright, 16.0 * MM, white)
+    place = Vector((at.x + 93.0 * MM, at.y - 78.0 * MM, floor))
+    scale_bar("50 mm", Matrix.Translation(place) @ upright, 50.0 * MM, 8.0 * MM, white)
+    toward = (0.8, -1.95, 0.85)
+    stage.camera(toward, lens=66.0, aim=(0.03, -0.08, -0.085))
+    stage.sweep(toward, stage.foot, (0.03, 0.034, 0.042))
+    stage.key(2.6, (1.5, -1.0, 1.5))
     stage.area("Rim", 60.0, (-1.6, 1.4, 1.2), COLD)
     softbox_world(
         ((0.02, 0.02, 0.022), (0.05, 0.055, 0.065), (0.25, 0.27, 0.3)),
         (((1.6, -1.3, 1.1), 22.0, (3.0, 2.8, 2.6)), ((-1.6, -0.9, 0.6), 18.0, (3.0, 3.4, 4.0))),
-        0.6,
+        0.5,
     )
-    stage.settings.ambient_occlusion, stage.settings.quality = 0.35, "strict"
+    stage.settings.ambient_occlusion, stage.settings.quality = 0.5, "strict"
     view_transform("Standard")
     yield RENDER

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import bpy
 import numpy as np
-from mathutils import Euler
+from mathutils import Euler, Matrix
 
 from tests.blender.user_steps import middle, press, settled, simulate
 from tests.blender.window_driver import (
@@ -38,11 +38,11 @@ from tests.blender.window_driver import (
 SCAN = Path(__file__).parent / "data" / "scan"
 PANELS = ("display", "presets", "clip_objects", "slices", "picture", "whole_scene")  # that are open
 SHIFT, GROW, OPAQUE = -100.0, 2.0, 0.05  # HU, mm, mm: thin walls are whole and opaque
-LEVEL, WINDOW = 700.0, 650.0  # HU, of the slice
+LEVEL, WINDOW = 750.0, 500.0  # HU, of the slice
 DOWN = 25  # turns of the wheel from the first panel to Cut, Slices and Render
 STRIP = (  # the gallery's strip, after the slices: photographs, and the part of each
-    ("2-imported", "640x480+150+310"), ("3-preset", "640x480+150+310"), ("4-cut", "820x615+110+165"),
-    ("5-slice", "760x570+60+225"), ("7-rendered", "580x435+300+266"),
+    ("2-imported", "640x480+150+310"), ("3-preset", "640x480+150+310"), ("4-cut", "920x690+45+130"),
+    ("5-slice", "880x660+30+110"), ("7-rendered", "760x570+260+180"),
 )  # fmt: skip
 
 
@@ -155,7 +155,7 @@ def scenario():
 
     began = time.perf_counter()
     with in_the_view():
-        assert bpy.ops.rle_splat.frame_volume(side="L") == {"FINISHED"}
+        assert bpy.ops.rle_splat.frame_volume(side="A") == {"FINISHED"}
     yield from settled()
     with in_the_view():
         assert bpy.ops.rle_splat.clip_to_view() == {"FINISHED"}
@@ -163,7 +163,7 @@ def scenario():
     scene.rle_splat.quality = "fine"
     bpy.context.view_layer.objects.active = volume
     area_of("VIEW_3D").spaces.active.region_3d.view_perspective = "ORTHO"
-    look_from(90.0, 90.0, 0.32)
+    look_from(90.0, 0.0, 0.22)
     yield from scroll_sidebar(DOWN)
     yield from keep("tutorial-4-cut", began)
 
@@ -177,19 +177,22 @@ def scenario():
 
     began = time.perf_counter()
     with in_the_view():
-        assert bpy.ops.rle_splat.add_slice(kind="sagittal") == {"FINISHED"}
+        assert bpy.ops.rle_splat.add_slice(kind="coronal") == {"FINISHED"}
+    made, plane = bpy.context.view_layer.objects.active, bpy.data.objects["Clip Plane"]
+    ahead = plane.matrix_world.translation.y - made.matrix_world.translation.y - 0.0005
+    made.matrix_world = Matrix.Translation((0.0, ahead, 0.0)) @ made.matrix_world  # onto the cut
     bpy.context.view_layer.objects.active = volume
     volume.rle_splat.slices_clear_black = True
     volume.rle_splat.slice_center, volume.rle_splat.slice_width = LEVEL, WINDOW
     area_of("VIEW_3D").spaces.active.region_3d.view_perspective = "PERSP"
-    look_from(62.0, 55.0)
+    look_from(62.0, -24.0, 1.15)
     yield from settled()
     yield from keep("tutorial-5-slice", began)
 
     began = time.perf_counter()
     scene.view_settings.view_transform = "Standard"
     bpy.context.view_layer.objects.active = volume
-    look_from(62.0, 55.0, 2.2)  # a camera sees half of what a viewport does
+    look_from(62.0, -24.0, 1.8)  # a camera sees half of what a viewport does
     yield from settled()
     camera_to_view()
     with in_the_view():
