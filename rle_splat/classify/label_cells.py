@@ -110,7 +110,7 @@ class LabelCells:
 
 
 def cell_steps(numbers_of, outside: np.ndarray, shape_xyz, smooth: bool):
-    """Find what voxels at boundaries know.
+    """Generator of fractions done: find what voxels at boundaries know.
 
     Parameters
     ----------
@@ -121,11 +121,6 @@ def cell_steps(numbers_of, outside: np.ndarray, shape_xyz, smooth: bool):
     shape_xyz : (nx, ny, nz)
     smooth : bool
         Whether edges are smooth; else they show the voxels.
-
-    Yields
-    ------
-    float
-        Fraction done.
 
     Returns
     -------

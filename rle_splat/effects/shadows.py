@@ -290,7 +290,9 @@ def scattered_light_steps(passes: list[list[Sweep]], weights, occluders: Occlude
 
 
 def traced_light_steps(light, occluders: Occluders, bricks: Bricks, points: Points, scattered: bool):
-    """Find what arrives of a light at points beside voxels, by a ray from each to each point of the light.
+    """Generator of fractions done: what arrives of a light at points beside voxels, by rays to all its points.
+
+    What meshes leave of the light is swept to the nodes of a grid and read from it.
 
     Parameters
     ----------
@@ -303,19 +305,10 @@ def traced_light_steps(light, occluders: Occluders, bricks: Bricks, points: Poin
     scattered : bool
         Whether U of the light is asked for in place of its share.
 
-    Yields
-    ------
-    float
-        Fraction done.
-
     Returns
     -------
     (m,) ndarray of int16
         ONE times the share that arrives.
-
-    Notes
-    -----
-    What meshes leave of the light is swept to the nodes of a grid and read from it.
     """
     if light is None:
         places, weights = SKY_DIRECTIONS, SKY_WEIGHTS

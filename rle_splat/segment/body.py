@@ -74,6 +74,10 @@ def hide_table_steps(volume: Volume, transfer_function):
 def body_steps(volume: Volume):
     """Generator of Progress: the voxels of the body, with what it encloses and about 2 mm of air around it.
 
+    The ball is the largest one with which the body does not become much smaller: a skull's walls are thin.  The air
+    around the body belongs to it, so that its skin is not cut where it fades into the air. Where the scanner's field of
+    view cuts the body, the body goes on beyond it: a chest wall that is cut to a thin strip is no thin part.
+
     Parameters
     ----------
     volume : Volume
@@ -88,12 +92,6 @@ def body_steps(volume: Volume):
     ------
     RleSplatError
         If there is no body with air around it, or not enough memory.
-
-    Notes
-    -----
-    The ball is the largest one with which the body does not become much smaller: a skull's walls are thin.  The air
-    around the body belongs to it, so that its skin is not cut where it fades into the air. Where the scanner's field of
-    view cuts the body, the body goes on beyond it: a chest wall that is cut to a thin strip is no thin part.
     """
     scale = min(1.0, float((volume.spacing * volume.shape_xyz).max()) / ADULT)
     factors = tuple(
@@ -130,8 +128,6 @@ def _values(coarse: Volume, volume: Volume) -> np.ndarray:
 def _threshold(values: np.ndarray) -> float:
     """The value between air and tissue that has the least cross entropy.
 
-    Notes
-    -----
     C. H. Li, P. K. S. Tam, "An iterative algorithm for minimum cross entropy thresholding", Pattern Recognition Letters
     19 (1998), equation 10, of values from the lowest one on.
     """

@@ -53,7 +53,7 @@ def lit_nodes_steps(shape_xyz):
 
 
 def shade_nodes_steps(sweep: Sweep, tables, starts, extinction, meshes, matrix, nodes, share: int, *, threads: int = 0):
-    """Take from the nodes that a sweep reaches what does not arrive at them.
+    """Generator of fractions done: take from the nodes that a sweep reaches what does not arrive at them.
 
     Parameters
     ----------
@@ -69,11 +69,6 @@ def shade_nodes_steps(sweep: Sweep, tables, starts, extinction, meshes, matrix, 
         What the light gives to a node that nothing shades.
     threads : int
         0 for one per core.
-
-    Yields
-    ------
-    float
-        Fraction done.
     """
     place = sweep.to_sheet @ matrix
     if not compiled():
@@ -111,7 +106,7 @@ def read_nodes_steps(
     nodes, pitch: int, strength: float, voxels: VisibleVoxels, points: Points, known, codes, channel: int, *,
     threads: int = 0,
 ):  # fmt: skip
-    """Write the light at points beside voxels to a channel of their codes.
+    """Generator of fractions done: write the light at points beside voxels to a channel of their codes.
 
     Parameters
     ----------
@@ -131,11 +126,6 @@ def read_nodes_steps(
         Number of the channel, at least NORMAL.
     threads : int
         0 for one per core.
-
-    Yields
-    ------
-    float
-        Fraction done.
     """
     copied = 0 if known is None else known.shape[1]
     known = codes if known is None else known

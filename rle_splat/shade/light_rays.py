@@ -121,7 +121,7 @@ def trace_steps(
     voxels: VisibleVoxels, points: Points, bricks: Bricks, to_world, light, is_sun: bool, cuts: Cuts, weight: float,
     free, scattered: bool, sums, *, threads: int = 0,
 ):  # fmt: skip
-    """Add the light of one point to what arrives at points beside voxels.
+    """Generator of fractions done: add the light of one point to what arrives at points beside voxels.
 
     Parameters
     ----------
@@ -145,11 +145,6 @@ def trace_steps(
         The shares that arrive.
     threads : int
         0 for one per core.
-
-    Yields
-    ------
-    float
-        Fraction done.
     """
     matrix = np.asarray(to_world, np.float64)
     inverse = np.linalg.inv(matrix[:3, :3])
