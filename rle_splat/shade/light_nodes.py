@@ -31,7 +31,7 @@ from .light_sheets import Sweep
 from .light_sweep import BAND, LOG2E, add_slice, transmit
 from .node_block import BLOCK, read_block
 from .reference import BOXED, FULL, RISE
-from .surface_points import STEPS, Points, towards_lamp
+from .surface_points import STEPS, Points, lamp_from_row, towards_lamp
 
 NODES_AT_ONCE = 1 << 20  # nodes that a worker lights between two chances to cancel, 10 ms
 FILLED_AT_ONCE = 1 << 21  # nodes that are filled between two chances to cancel, 9 ms in memory that was never used
@@ -336,10 +336,10 @@ def _read_rows(begin, end, first, grid, pitch, strength, lists, known, copied, c
     flat, known_flat = codes.reshape(-1), known.reshape(-1)
     for row in range(first + begin, first + end):
         at, stop = row_start[row], row_start[row + 1]
-        own, y, z = column[at:stop], np.float64(row % rows), np.float64(row // rows)
+        own, from_row = column[at:stop], lamp_from_row(lamp, np.float64(row % rows), np.float64(row // rows))
         for i in range(own.size):
             xs[i] = np.int32(own[i]) * voxel
-            way = towards_lamp(lamp, np.float64(own[i]), y, z, normals, offsets, at + i)
+            way = towards_lamp(lamp, from_row, np.float32(own[i]), normals, offsets, at + i)
             for axis in range(3):
                 ways[3 * i + axis] = np.int16(np.rint(way[axis]))
         starts = (np.int32(begins), np.int32(row % rows * voxel + begins), np.int32(row // rows * voxel + begins))

@@ -24,7 +24,7 @@ from ..runtime.work_sizes import BRICK_SIDE as SIDE
 from ..volume.blocks import cut_chunks
 from . import reference
 from .sample_light import OCTAVES
-from .surface_points import STEPS, Points, towards_lamp
+from .surface_points import STEPS, Points, lamp_from_row, towards_lamp
 
 SHIFT = SIDE.bit_length() - 1
 CORNERS = SIDE + 1
@@ -222,12 +222,13 @@ def _trace_rows(begin, end, first, lists, medium, lamp, limits, free, sums):
     flat = min(high[0], min(high[1], high[2])) < 1.0  # a medium without thickness
     for row in range(first + begin, first + end):
         y, z = row % n_y, row // n_y
+        from_row = lamp_from_row(begins, np.float64(y), np.float64(z))
         for v in range(row_start[row], row_start[row + 1]):
             left = weight * (np.float32(free[v]) / np.float32(32767.0)) if free.size > 0 else weight
             if left == _ZERO:
                 continue
             x = np.float64(column[v])
-            wx, wy, wz = towards_lamp(begins, x, np.float64(y), np.float64(z), normals, offsets, v)
+            wx, wy, wz = towards_lamp(begins, from_row, np.float32(x), normals, offsets, v)
             o = (x + step * wx, y + step * wy, z + step * wz)
             d = (lx, ly, lz) if is_sun else (lx - o[0], ly - o[1], lz - o[2])
             depth = 0.0

@@ -48,6 +48,7 @@ NO_LAMP, FAR_LAMP, NEAR_LAMP = range(3)
 FURTHEST = 32767.0 / STEPS
 BOX_NEAR = 1  # voxels from a face of the box whose normal is the face's: its width is one voxel
 LARGEST = 1e300  # in place of infinity, so that differences stay numbers
+_TINY, _ZERO, _HALF, _ONE, _TWO, _THREE = map(np.float32, (1e-30, 0.0, 0.5, 1.0, 2.0, 3.0))
 
 
 class Faces(NamedTuple):
@@ -206,28 +207,51 @@ def place_steps(
 
 
 @inner_loop
-def towards_lamp(lamp, x, y, z, normals, offsets, i):
-    """STEPS times x' - x along x, y, z, of voxel number ``i`` at (x, y, z); see ``Points``."""
-    kind, (lx, ly, lz), (px, py, pz), matrix, to_index = lamp
-    ox, oy, oz = np.float64(offsets[i, 0]), np.float64(offsets[i, 1]), np.float64(offsets[i, 2])
+def lamp_from_row(lamp, y, z):
+    """float32 direction to a lamp, world, or the way to it from voxel 0 of the row (y, z)."""
+    kind, (lx, ly, lz), _, matrix, _ = lamp
+    if kind == NEAR_LAMP:
+        lx -= matrix[1] * y + matrix[2] * z + matrix[3]
+        ly -= matrix[5] * y + matrix[6] * z + matrix[7]
+        lz -= matrix[9] * y + matrix[10] * z + matrix[11]
+    return np.float32(lx), np.float32(ly), np.float32(lz)
+
+
+@inner_loop
+def towards_lamp(lamp, row, x, normals, offsets, i):
+    """float32 STEPS times x' - x along x, y, z, of voxel number ``i`` at a float32 x; see ``Points``.
+
+    ``row``: of ``lamp_from_row``.
+    """
+    kind, _, way, matrix, to_index = lamp
+    ox, oy, oz = np.float32(offsets[i, 0]), np.float32(offsets[i, 1]), np.float32(offsets[i, 2])
     if kind == NO_LAMP:
         return ox, oy, oz
+    lx, ly, lz = row
+    px, py, pz = np.float32(way[0]), np.float32(way[1]), np.float32(way[2])
     if kind == NEAR_LAMP:
-        lx -= matrix[0] * x + matrix[1] * y + matrix[2] * z + matrix[3]
-        ly -= matrix[4] * x + matrix[5] * y + matrix[6] * z + matrix[7]
-        lz -= matrix[8] * x + matrix[9] * y + matrix[10] * z + matrix[11]
-        away = max(math.sqrt(lx * lx + ly * ly + lz * lz), 1e-300)
-        lx, ly, lz = lx / away, ly / away, lz / away
-        reach = STEPS * min(FURTHER * FARTHEST * _width(lx, ly, lz, matrix), away)  # not beyond the lamp
-        px = reach * (lx * to_index[0] + ly * to_index[1] + lz * to_index[2])
-        py = reach * (lx * to_index[3] + ly * to_index[4] + lz * to_index[5])
-        pz = reach * (lx * to_index[6] + ly * to_index[7] + lz * to_index[8])
-    scale = 1.0 / ONE
+        xx, yx, zx = np.float32(matrix[0]), np.float32(matrix[4]), np.float32(matrix[8])
+        lx, ly, lz = lx - xx * x, ly - yx * x, lz - zx * x
+        away = max(np.sqrt(lx * lx + ly * ly + lz * lz), _TINY)
+        part = _ONE / away
+        lx, ly, lz = lx * part, ly * part, lz * part
+        width = (
+            abs(lx * xx + ly * yx + lz * zx)
+            + abs(lx * np.float32(matrix[1]) + ly * np.float32(matrix[5]) + lz * np.float32(matrix[9]))
+            + abs(lx * np.float32(matrix[2]) + ly * np.float32(matrix[6]) + lz * np.float32(matrix[10]))
+        )
+        reach = np.float32(STEPS) * min(np.float32(FURTHER * FARTHEST) * width, away)  # not beyond the lamp
+        px = reach * (lx * np.float32(to_index[0]) + ly * np.float32(to_index[1]) + lz * np.float32(to_index[2]))
+        py = reach * (lx * np.float32(to_index[3]) + ly * np.float32(to_index[4]) + lz * np.float32(to_index[5]))
+        pz = reach * (lx * np.float32(to_index[6]) + ly * np.float32(to_index[7]) + lz * np.float32(to_index[8]))
+    scale = np.float32(1.0 / ONE)
     mx, my, mz = scale * normals[i, 0], scale * normals[i, 1], scale * normals[i, 2]
-    square = min(mx * mx + my * my + mz * mz, 1.0)
-    facing = _smoothstep(0.5 + (mx * lx + my * ly + mz * lz) / (2.0 * FACING))
-    t = _smoothstep(square / LEAST**2) * (1.0 - facing * square)
-    most = STEPS * FURTHEST
+    square = min(mx * mx + my * my + mz * mz, _ONE)
+    facing = min(max(_HALF + np.float32(0.5 / FACING) * (mx * lx + my * ly + mz * lz), _ZERO), _ONE)
+    trust = min(np.float32(LEAST**-2) * square, _ONE)
+    t = trust * trust * (_THREE - _TWO * trust)
+    t *= _ONE - facing * facing * (_THREE - _TWO * facing) * square
+    most = np.float32(STEPS * FURTHEST)
     return (
         min(max(ox + t * (px - ox), -most), most),
         min(max(oy + t * (py - oy), -most), most),
