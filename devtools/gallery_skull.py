@@ -15,7 +15,7 @@ from mathutils import Matrix, Vector
 
 MM = 0.001
 CORNER = Vector((4.0, 0.0, 14.0))  # the left upper quarter beyond it is cut away
-GAP = Vector((15.0, 40.0, 13.0))  # half sides of the hole in the forehead, below the plate
+GAP = Vector((11.5, 40.0, 11.0))  # half sides of the hole in the forehead, below the plate
 PATCH = Vector((-22.0, -150.0, 24.0))  # before the forehead, where the plate is
 CELL, COLUMNS, ROWS = 5.8, 9, 9  # of the plate: mm from hole to hole; holes
 SOLID = 250.0  # HU: between air and the plastic of the skull, 700 HU
@@ -150,13 +150,14 @@ def skull(stage: Stage):
     _without(stage, plate, GAP)
     _without(stage, Matrix.Translation(at + MM * (CORNER + Vector((100.0, 0.0, 100.0)))), Vector((100.0, 200.0, 100.0)))
     front, back, left, top = -105.0, 84.0, 82.0, 69.0  # the head holder is beyond them
-    _slice(stage, "sagittal", Vector((CORNER.x, front, CORNER.z)), Vector((CORNER.x, back, top)))
-    _slice(stage, "axial", Vector((CORNER.x, front, CORNER.z)), Vector((left, back, CORNER.z)))
+    x, z = CORNER.x + 0.5, CORNER.z + 0.5  # before the cuts, which would show through in stripes
+    _slice(stage, "sagittal", Vector((x, front, z)), Vector((x, back, top)))
+    _slice(stage, "axial", Vector((x, front, z)), Vector((left, back, z)))
     ours.slices_follow_window, ours.slices_clear_black = False, True
     ours.slice_center, ours.slice_width = WINDOW
     ours.shift_by, ours.opacity_unit_distance, ours.smoothness = SHIFT, THICKNESS, 2.0
     white = emission("Letters", (0.85, 0.87, 0.9))
-    floor = stage.low.z + 1.0 * MM
+    floor = stage.low.z - 4.0 * MM  # below the scan, whose air is not quite empty
     upright = Matrix.Rotation(math.radians(22.0), 4, "Z") @ Matrix.Rotation(math.radians(90.0), 4, "X")  # to the camera
     for body, x, y in (("R", -92.0, -74.0), ("L", 108.0, 15.0)):
         place = Vector((at.x + x * MM, at.y + y * MM, floor + 9.0 * MM))
@@ -165,8 +166,8 @@ def skull(stage: Stage):
     scale_bar("50 mm", Matrix.Translation(place) @ upright, 50.0 * MM, 8.0 * MM, white)
     toward = (0.8, -1.95, 0.85)
     stage.camera(toward, lens=66.0, aim=(0.03, -0.08, -0.085))
-    stage.sweep(toward, stage.foot, (0.03, 0.034, 0.042))
-    stage.key(2.6, (1.5, -1.0, 1.5))
+    stage.sweep(toward, stage.foot - 5.0 * MM / stage.size, (0.03, 0.034, 0.042))
+    stage.key(2.6, (1.1, -1.5, 1.1))
     stage.area("Rim", 60.0, (-1.6, 1.4, 1.2), COLD)
     softbox_world(
         ((0.02, 0.02, 0.022), (0.05, 0.055, 0.065), (0.25, 0.27, 0.3)),

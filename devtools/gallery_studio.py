@@ -149,12 +149,14 @@ def letters(body: str, place: Matrix, size: float, coat, align: str = "CENTER") 
     made = bpy.data.objects.new(body, curve)
     bpy.context.scene.collection.objects.link(made)
     made.matrix_world = place @ Matrix.Scale(size, 4)  # the size of a text has a minimum of 0.1 mm
+    made.visible_shadow = False
 
 
 def scale_bar(body: str, place: Matrix, length: float, size: float, coat) -> None:
     """A bar along x with its length above it, in letters of a size."""
     bpy.ops.mesh.primitive_cube_add(size=1.0)
-    named("Scale Bar", coat).matrix_world = place @ Matrix.Diagonal((length, 0.13 * size, 0.07 * size, 1.0))
+    bar = named("Scale Bar", coat)
+    bar.matrix_world, bar.visible_shadow = place @ Matrix.Diagonal((length, 0.13 * size, 0.07 * size, 1.0)), False
     letters(body, place @ Matrix.Translation((0.0, 0.9 * size, 0.0)), size, coat)
 
 

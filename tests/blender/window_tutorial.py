@@ -17,7 +17,7 @@ from pathlib import Path
 
 import bpy
 import numpy as np
-from mathutils import Euler, Matrix
+from mathutils import Euler
 
 from tests.blender.user_steps import middle, press, settled, simulate
 from tests.blender.window_driver import (
@@ -178,9 +178,7 @@ def scenario():
     began = time.perf_counter()
     with in_the_view():
         assert bpy.ops.rle_splat.add_slice(kind="coronal") == {"FINISHED"}
-    made, plane = bpy.context.view_layer.objects.active, bpy.data.objects["Clip Plane"]
-    ahead = plane.matrix_world.translation.y - made.matrix_world.translation.y - 0.0005
-    made.matrix_world = Matrix.Translation((0.0, ahead, 0.0)) @ made.matrix_world  # onto the cut
+    bpy.context.view_layer.objects.active.rle_splat.slice_position = -1.0  # mm, before the cut
     bpy.context.view_layer.objects.active = volume
     volume.rle_splat.slices_clear_black = True
     volume.rle_splat.slice_center, volume.rle_splat.slice_width = LEVEL, WINDOW
