@@ -231,9 +231,10 @@ def cube_scene(folder, size=(24, 24), **cube):
     return owner
 
 
-def ball_scene(folder, **camera):
-    """A ball of 11 voxels seen from above in ``draft``, 24 x 24 pixels; returns its object.  ``camera``: settings."""
-    owner = import_raw(folder, ball())
+def ball_scene(folder, count=1, **camera):
+    """Balls of 11 voxels along x, seen from above in ``draft``, 24 x 24 pixels; returns their object.  ``camera``:
+    settings."""
+    owner = import_raw(folder, np.concatenate([ball()] * count, axis=2))
     add_camera((0.0, 0.0, 40.0), **camera)
     scene = bpy.context.scene
     scene.render.resolution_x = scene.render.resolution_y = 24

@@ -18,8 +18,8 @@ SIZE = 24
 
 @pytest.fixture
 def ball(addon, tmp_path):
-    """A ball seen from above."""
-    return scenes.ball_scene(tmp_path)
+    """Two balls seen from above: under a sun from the side one shades the other, and neither itself."""
+    return scenes.ball_scene(tmp_path, 2)
 
 
 def add_light(kind, location, aim=(0.0, 0.0, 0.0), **settings):

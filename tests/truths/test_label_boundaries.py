@@ -215,7 +215,7 @@ def test_what_is_thin_stays():
     assert (beside == 1).mean() > 0.99, "none is thinner than a third of a voxel"
 
 
-def organs(stage, shade=None, size=(22, 20), **more):
+def organs(stage, shade=None, size=(30, 28), **more):
     """Smooth values, of which four labels that meet have their own functions, one is hidden, and the rest goes on."""
     volume = Volume((blobs(0) * 200.0).astype(np.uint8), np.eye(4))
     z, y, x = np.indices(volume.voxels.shape)
