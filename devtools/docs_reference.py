@@ -22,7 +22,7 @@ from types import SimpleNamespace
 
 import rle_splat
 from rle_splat.classify.presets import PRESETS
-from rle_splat.cli.main import COMMANDS
+from rle_splat.cli.main import COMMANDS, example
 from rle_splat.read.formats import FORMATS
 from rle_splat.runtime.cache_folder import RELEASE
 
@@ -100,7 +100,7 @@ def command_line() -> str:
     parts = []
     for name, purpose in COMMANDS.items():
         parser = command_parser(name)
-        parts += [f"## rle-splat {name}", _sentence(purpose)]
+        parts += [f"## rle-splat {name}", _sentence(purpose), f"```\n{example(name)}\n```"]
         for group in parser._action_groups:
             shown = [action for action in group._group_actions if action.help != argparse.SUPPRESS]
             rows = [(_invocation(action), _sentence((action.help or "") % vars(action))) for action in shown]
@@ -439,8 +439,12 @@ PAGES = ROOT / "docs" / "reference"
 END = "<!-- end of the generated part -->"
 GENERATED = re.compile(rf"^<!-- generated: ([a-z -]+) -->$.*?^{END}$", re.MULTILINE | re.DOTALL)
 HOW_TO = ROOT / "docs" / "how-to"
-WITH_VERSION = (ROOT / "blender_manifest.toml", HOW_TO / "install.md", HOW_TO / "render-headless.md")
-VERSION = re.compile(r'(?<=^version = ")[\d.]+(?="$)|(?<=\brle_splat-)[\d.]+(?=-)', re.MULTILINE)
+WITH_VERSION = (
+    ROOT / "blender_manifest.toml", HOW_TO / "install.md", HOW_TO / "render-headless.md", ROOT / "README.md"
+)  # fmt: skip
+VERSION = re.compile(
+    r'(?<=^version = ")[\d.]+(?="$)|(?<=\brle_splat-)[\d.]+(?=-)|(?<=\[Version )[\d.]+(?=\])', re.MULTILINE
+)
 
 
 def filled(text: str) -> str:

@@ -67,7 +67,7 @@ def _draw_error(context, layout) -> None:
     settings = context.scene.rle_splat
     layout.prop(settings, "use_max_error")
     if settings.use_max_error:
-        layout.prop(settings, "max_error", text="Gray Levels of 255")
+        layout.prop(settings, "max_error", text="8-Bit Steps")
     if lost := taken_away(context.scene):
         which = "Pictures with a Maximum Error" if settings.max_error else "With it, pictures"
         paragraph(context, layout, f"{which} have no {' and no '.join(lost)}.", "INFO")

@@ -24,8 +24,8 @@ class AccuracyRowProperties(bpy.types.PropertyGroup):
     knobs: StringProperty(name="Settings", description="Settings of the plan as JSON")
     truth: StringProperty(name="Reference", description="Exact result that the error is measured against")
     frame_ms: FloatProperty(name="Time", description="Milliseconds for one frame", min=0.0)
-    rmse: FloatProperty(name="RMSE", description="Root mean square error in gray levels of 255", min=0.0)
-    largest: FloatProperty(name="Largest Error", description="Largest error in gray levels of 255", min=0.0)
+    rmse: FloatProperty(name="RMSE", description="Root mean square error in steps of an 8-bit picture", min=0.0)
+    largest: FloatProperty(name="Largest Error", description="Largest error in steps of an 8-bit picture", min=0.0)
     on_front: BoolProperty(name="On the Front", description="No other plan is both faster and more accurate")
 
 
@@ -54,8 +54,8 @@ def note_sweep(settings, report: dict, what: str) -> None:
         row.rmse, row.largest = entry["error"]["rmse"], entry["error"]["largest"]
     image, probes = report["image"], report["probes"]
     settings.accuracy_note = (
-        f"{what}, {image['width']} x {image['height']} pixels, {report['threads']} thread(s). Errors are gray levels "
-        f"of 255 at {probes['random']} random and {probes['steep']} steep pixels."
+        f"{what}, {image['width']} x {image['height']} pixels, {report['threads']} thread(s). Errors are steps of an "
+        f"8-bit picture at {probes['random']} random and {probes['steep']} steep pixels."
     )
 
 
@@ -135,6 +135,7 @@ def keep_error_map(scene, volume_object, errors, report: dict):
     every = "every pixel" if found["step"] == 1 else f"one pixel in each {found['step']} x {found['step']}"
     settings.error_note = (
         f"{truth_sentence(found['truth'])}: largest {figure_text(found['measured'])}, RMSE "
-        f"{figure_text(found['rmse'])} gray levels of 255 at {every}. In the image white is one of these or more."
+        f"{figure_text(found['rmse'])} steps of an 8-bit picture at {every}. In the image white is one of these or "
+        "more."
     )
     return image

@@ -22,7 +22,10 @@ _TEXTS = {
 }
 _COUNTED = {
     "midpoint": ("{} Midpoints", "{} layers between neighboring slices"),
-    "preintegrated": ("{} Slabs", "{} layers between neighboring slices, each integrated exactly for linear values"),
+    "preintegrated": (
+        "{} Exact Layers",
+        "{} layers between neighboring slices, each integrated exactly for linear values",
+    ),
 }
 RECORD_ITEMS = [
     (str(size), f"{size} Bytes", "Full accuracy" if size == max(tables.RECORDS) else "Less memory and accuracy")

@@ -142,8 +142,8 @@ class SceneSettings(bpy.types.PropertyGroup):
         translation_context=OURS)  # fmt: skip
     max_error: LiveFloat(
         name="Maximum Error", default=0.0, min=0.0, soft_max=16.0, precision=2,
-        description="Largest allowed error of a color, in gray levels of 255. The picture's error is measured and "
-        "reported. 0 uses Quality")  # fmt: skip
+        description="Largest allowed error of a color, in steps of an 8-bit picture. The picture's error is measured "
+        "and reported. 0 uses Quality")  # fmt: skip
     use_max_error: BoolProperty(
         name="Maximum Error", description="Use the fastest settings expected to stay below an error, instead of "
         "Quality",
@@ -191,8 +191,7 @@ class SceneSettings(bpy.types.PropertyGroup):
     use_shadows: LiveBool(
         name="Shadows",
         default=True,
-        description="Let lights whose own Shadow option is on cast shadows of the volume and of meshes on the volume. "
-        "Not used if pre-classified with a Maximum Error",
+        description="Let lights whose own Shadow option is on cast shadows of the volume and of meshes on the volume",
     )
     use_world: LiveBool(
         name="World Light",
@@ -210,12 +209,12 @@ class SceneSettings(bpy.types.PropertyGroup):
     )
     ambient_occlusion: LiveFloat(
         name="Ambient Occlusion", default=0.0, min=0.0, max=1.0, precision=2,
-        description="Darken places where the volume or a mesh blocks the light from all sides; 1 is full strength. "
-        "Not used if pre-classified with a Maximum Error")  # fmt: skip
+        description="Darken places where the volume or a mesh blocks the light from all sides; 1 is full strength"
+    )  # fmt: skip
     indirect_light: LiveFloat(
         name="Indirect Light", default=0.0, min=0.0, max=1.0, precision=2,
         description="Let light that casts shadows scatter in the volume, so that thin and soft matter is translucent; "
-        "1 is full strength. Not used if pre-classified")  # fmt: skip
+        "1 is full strength")  # fmt: skip
     clip_objects: LivePointer(
         name="Clip Objects",
         type=bpy.types.Collection,

@@ -129,8 +129,8 @@ class SourceOptions:
         name="Frame", description="Number of the volume where a file holds several, such as one for each time; 0 uses "
         "the first", default=0, min=0)  # fmt: skip
     level: IntProperty(
-        name="Level", description="Level of an OME-Zarr pyramid, 0 is the finest; -1 takes the finest that fits into "
-        "memory when it is imported", default=-1, min=-1)  # fmt: skip
+        name="Resolution Level", description="Level of an OME-Zarr pyramid, 0 is the finest; -1 takes the finest "
+        "that fits into memory when it is imported", default=-1, min=-1)  # fmt: skip
     use_fitting_level: BoolProperty(
         name="The Finest That Fits", description="Read the finest level whose voxels fit into memory",
         **switch("level", -1, 0))  # fmt: skip

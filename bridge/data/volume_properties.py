@@ -41,7 +41,7 @@ DISPLAY_ITEMS = [
     ("composite", "Shaded", "Show the colors and opacities of the transfer function, with light"),
     ("mip", "MIP", "Maximum intensity projection: show the largest value along each line of sight"),
     ("minip", "MinIP", "Minimum intensity projection: show the smallest value along each line of sight"),
-    ("average", "Average", "Show the mean value along each line of sight"),
+    ("average", "Average", "Mean intensity: show the mean value along each line of sight"),
     ("xray", "X-Ray", "Show how much is absorbed along each line of sight: dense tissue is bright"),
 ]
 SHOWN = tuple(item[0] for item in DISPLAY_ITEMS)  # the modes in the order of the panel
@@ -232,8 +232,7 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     )
     opacity_unit_distance: LiveFloat(
         name="Opacity Unit Distance", description="Length of material, in mm for patients, that has the opacity of "
-        "the curve: smaller is more opaque. 0 uses the smallest voxel spacing", default=0.0, min=0.0,
-        precision=4)  # fmt: skip
+        "the curve: smaller is more opaque", default=0.0, min=0.0, precision=4)  # fmt: skip
     use_smallest_spacing: BoolProperty(
         name="Automatic", description="Use the smallest voxel spacing",
         **switch("opacity_unit_distance", 0.0, 1.0))  # fmt: skip
@@ -286,7 +285,7 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     smoothness: LiveFloat(
         name="Smoothness", default=-1.0, min=-1.0, soft_max=10.0, precision=2,
         description="Distance in mm over which values are smoothed before light is computed, which removes the rings "
-        "of thick slices. 0 is off, -1 is automatic. Not used if pre-classified")  # fmt: skip
+        "of thick slices. 0 is off")  # fmt: skip
     use_automatic_smoothness: BoolProperty(
         name="Automatic", description="Smooth surfaces by the largest voxel spacing, at most 2 mm",
         **switch("smoothness", -1.0, 1.0))  # fmt: skip

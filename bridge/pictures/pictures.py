@@ -176,7 +176,7 @@ def _error_lines(report: dict) -> list[str]:
     against = f"against {TRUTH_TEXTS[error['truth']]}"
     if error["tolerance"] is None:
         return [f"Error not measured; it would be {against}"]
-    measured = f"Error in gray levels of 255: {error['sentence']}, {against}"
+    measured = f"Error in steps of an 8-bit picture: {error['sentence']}, {against}"
     return [measured, error.get("statement", ""), report["plan"]["name"]]
 
 

@@ -34,7 +34,7 @@ def add_light_effect_options(parser, with_pass: bool = True) -> None:
     group.add_argument(
         "--indirect-light", type=float, default=0.0, metavar="AMOUNT",
         help="scatter light that casts shadows, so that thin and soft matter is translucent, 0 (off, the default) to "
-        "1; classification post only",
+        "1; only with --classification post",
     )  # fmt: skip
     if with_pass:
         group.add_argument(

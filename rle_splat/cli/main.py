@@ -31,6 +31,16 @@ COMMANDS = {
     "compare": "compare the methods that the paper names: time, memory, error",
 }
 COMMANDS = {name: purpose for name, purpose in COMMANDS.items() if find_spec(f"{__package__}.{name}")}
+EXAMPLES = {
+    "render": "scan.nii.gz --preset ct-bone --azimuth 30 -o out.png",
+    "info": "scan.nii.gz",
+    "figure": "scan.nii.gz --preset ct-bone --view 0 0 --view 90 0 -o fig.svg",
+    "encode": "scan.nii.gz --preset ct-bone -o scan.rle",
+    "convert": "scan.nii.gz scan.vdb",
+    "accuracy": "scan.nii.gz --azimuth 30 --json a.json",
+    "prepare": "--json report.json",
+    "compare": "scan.nii.gz --json compare.json",
+}
 
 ADVICE = {
     errno.ENOSPC: "make room there, or choose another place",
@@ -38,6 +48,11 @@ ADVICE = {
 }  # fmt: skip
 
 NEGATIVE_NUMBER = re.compile(r"-(\d+\.?\d*|\.\d+)(e[+-]?\d{1,3})?", re.IGNORECASE)
+
+
+def example(name: str) -> str:
+    """A command line of a command, as an example."""
+    return f"rle-splat {name} {EXAMPLES[name]}"
 
 
 def _sentence(message) -> str:
@@ -87,7 +102,9 @@ def _build_parser(asked: str | None):
     parser.add_argument("--debug", action="store_true", help="show the traceback of an error")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=Parser)
     for name, purpose in COMMANDS.items():
-        command = commands.add_parser(name, help=purpose, description=purpose, allow_abbrev=False)
+        command = commands.add_parser(
+            name, help=purpose, description=purpose, epilog=f"example: {example(name)}", allow_abbrev=False
+        )
         command.add_argument(
             "--debug", action="store_true", default=argparse.SUPPRESS, help="show the traceback of an error"
         )

@@ -82,8 +82,8 @@ def add_volume_options(parser) -> None:
         "--orientation", metavar="LETTERS", help="where voxel x, y and z grow in the patient, such as LPS"
     )
     group.add_argument("--flip", metavar="AXES", help="voxel axes to mirror, each once, such as x or xz")
-    group.add_argument("--slope", type=float, metavar="A", help="physical value = A * stored + B")
-    group.add_argument("--intercept", type=float, metavar="B", help="physical value = A * stored + B")
+    group.add_argument("--slope", type=float, metavar="A", help="factor A in value = A * stored + B")
+    group.add_argument("--intercept", type=float, metavar="B", help="offset B in value = A * stored + B")
     group.add_argument("--grid", metavar="NAME", help="the grid of a .vdb; NAME[1] is the second grid of that name")
     group.add_argument(
         "--series", type=int, metavar="N", help="the series, from 1, where there are several; info lists them"
@@ -146,7 +146,8 @@ def add_transfer_function_options(parser) -> None:
     group.add_argument(
         "--smoothness", type=float, metavar="MM",
         help="standard deviation of the Gaussian that values are smoothed with before light is computed, 0 for none; "
-        "by default that of the transfer function, else the largest voxel spacing, at most 2 mm; post only",
+        "by default that of the transfer function, else the largest voxel spacing, at most 2 mm; only with "
+        "--classification post",
     )  # fmt: skip
 
 

@@ -24,6 +24,8 @@ def test_the_documented_example_runs(tmp_path, monkeypatch, capsys):
         ("organs.nii.gz", "organs.nrrd"),
         ("256", f"{SIDE}"),
         ("512", f"{SIDE}"),
+        ("800", f"{SIDE}"),
+        ("600", f"{SIDE}"),
     ):
         assert old in text
         text = text.replace(old, new)
