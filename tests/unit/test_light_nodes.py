@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from contextlib import nullcontext
 from dataclasses import replace
 
 import numpy as np
@@ -366,3 +367,25 @@ def test_thin_volumes_and_lights_in_odd_places_are_no_trouble(shape):
             assert found.shape == (len(occluders.voxels),) and found.min() > 0
     empty = occluders_of(np.zeros((4, 4, 4)))
     assert len(beside(sun((0, 0, -1)), empty, np.empty((0, 3), np.int16))) == 0
+
+
+@pytest.mark.parametrize("light", (sun((0.3, -0.5, -0.8)), point((9.0, 4.0, 12.0))), ids=("sun", "point"))
+def test_kernels_read_light_on_a_lamps_side_as_numpy_does(light):
+    """Vectors of all directions and lengths, in a skewed volume: the point beside a voxel moves towards the lamp."""
+    random = np.random.default_rng(4)
+    occluders = occluders_of(random.random((7, 9, 11)), SKEWED, threads=2)
+    count = len(occluders.voxels)
+    normals = random.integers(-ONE // 2, ONE // 2, (count, 3)).astype(np.int16)
+    normals[::5] = 0
+    offsets = random.integers(-2048, 2048, (count, 3)).astype(np.int16)
+    nodes = drain(node_light_steps(*light_passes(light, occluders, nodes=True), occluders))
+    found = []
+    for given in (light, None):
+        points = points_for(given, normals, offsets, occluders.matrix)
+        for way in (nullcontext, use_reference):
+            codes = np.zeros((count, 1), np.int16)
+            with way():
+                drain(read_nodes_steps(nodes, 1, np.float32(1.0), occluders.voxels, points, None, codes, 0, threads=2))
+            found.append(codes[:, 0] * CODE)
+    np.testing.assert_allclose(found[0], found[1], atol=1e-3)
+    assert np.abs(found[0] - found[2]).max() > 0.1, "the lamp's side counts"
