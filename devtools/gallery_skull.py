@@ -149,7 +149,7 @@ def skull(stage: Stage):
     bone.hide_render = bone.hide_viewport = True
     _without(stage, plate, GAP)
     _without(stage, Matrix.Translation(at + MM * (CORNER + Vector((100.0, 0.0, 100.0)))), Vector((100.0, 200.0, 100.0)))
-    front, back, left, top = -105.0, 84.0, 82.0, 69.0  # the head holder is beyond them
+    front, back, left, top = -105.0, 84.0, 72.0, 69.0  # the head holder is beyond them
     x, z = CORNER.x + 0.5, CORNER.z + 0.5  # before the cuts, which would show through in stripes
     _slice(stage, "sagittal", Vector((x, front, z)), Vector((x, back, top)))
     _slice(stage, "axial", Vector((x, front, z)), Vector((left, back, z)))

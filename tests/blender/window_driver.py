@@ -237,6 +237,9 @@ def new_file():
 
 def show_panels():
     """Show the add-on's panels in both places, and close every other area."""
+    properties = area_of("PROPERTIES")
+    with bpy.context.temp_override(window=window(), area=properties):  # before the mouse is in a region
+        bpy.ops.screen.area_move(x=properties.x - 1, y=properties.height // 2, delta=properties.width - WIDE)
     for area in [area for area in window().screen.areas if area.type not in ("VIEW_3D", "PROPERTIES")]:
         with bpy.context.temp_override(window=window(), area=area):
             bpy.ops.screen.area_close()
@@ -246,8 +249,6 @@ def show_panels():
             cls.COMPAT_ENGINES = set()  # Blender's own, which would push ours out of sight
     properties, view = area_of("PROPERTIES"), area_of("VIEW_3D")
     properties.spaces.active.context = "RENDER"
-    with bpy.context.temp_override(window=window(), area=properties):
-        bpy.ops.screen.area_move(x=properties.x - 1, y=properties.height // 2, delta=properties.width - WIDE)
     view.spaces.active.show_region_ui = True
     yield  # a region has no tabs before it was drawn
     region_of(view, "UI").active_panel_category = TAB
