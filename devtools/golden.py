@@ -33,7 +33,7 @@ POOLED = 2  # pixels of a thumbnail a side that one of a golden picture stands f
 # A photograph of each script of a window that is the same at every run; without what differs: seconds, progress.
 PHOTOGRAPHS = {
     "window_after_render": "still, locked", "window_cut": "plane_dragged", "window_dialogs": "choose_series",
-    "window_encoded": "2-refined", "window_figure": "viewport",
+    "window_encoded": "2-refined", "window_figure": "viewport", "window_film": "08_slices",
     "window_hidden": "value under the mouse", "window_import": "framed_persp", "window_look": "histogram_default",
     "window_organs": "pet_in_ct", "window_panels": "labels", "window_presets": "thumbnails",
     "window_segments": "without_table", "window_several": "label_files", "window_shadows": "picture",
