@@ -41,7 +41,7 @@ class RLE_SPLAT_OT_measure_accuracy(_Measurement, bpy.types.Operator):
     bl_label = "Measure Accuracy"
     bl_description = (
         "Measure the time and the error of several quality settings for this volume and camera. The volume is "
-        "measured alone: without meshes and motion blur, and without shadows if pre-classified"
+        "measured alone: without meshes and motion blur, and without shadows where colors are interpolated"
     )
 
     probes: IntProperty(
@@ -91,7 +91,7 @@ class RLE_SPLAT_OT_error_map(_Measurement, bpy.types.Operator):
     bl_label = "Error Map"
     bl_description = (
         "Make an image of the picture's error at the current quality, in steps of an 8-bit picture. The volume is "
-        "measured alone: without meshes and motion blur, and without shadows if pre-classified"
+        "measured alone: without meshes and motion blur, and without shadows where colors are interpolated"
     )
 
     step: IntProperty(

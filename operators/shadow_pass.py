@@ -24,8 +24,8 @@ class RLE_SPLAT_OT_shadow_pass(ThroughCamera, bpy.types.Operator):
         plain, quality = self.read_scene(context)
         if tolerance_of(context.scene) is not None and quality.classification == "pre":
             raise RleSplatError(
-                "Pre-classified pictures with a Maximum Error have no shadows; set Maximum Error to 0 to make a "
-                "shadow pass."
+                "With interpolated colors and a Maximum Error pictures have no shadows; set Maximum Error to 0 to make "
+                "a shadow pass."
             )
         return shadow_pass_steps(plain, quality, render_scene.KEPT)
 

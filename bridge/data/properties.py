@@ -44,8 +44,8 @@ QUALITY_TEXTS = {
     "strict": ("Very Fine", "The most accurate quality, and slow"),
 }
 CLASSIFICATION_TEXTS = {
-    "pre": ("Pre-Classified", "Give every voxel its color and opacity, then interpolate those, as in the paper"),
-    "post": ("Post-Classified", "Interpolate the values, then look up color and opacity, as ray casting does"),
+    "pre": ("Colors", "Give every voxel its color and opacity, then interpolate those, as in the paper"),
+    "post": ("Values", "Interpolate the values, then look up color and opacity, as ray casting does"),
 }  # fmt: skip
 # The numbers are those of saved files, where 1 was an item that was removed (see settings.REMOVED_NUMBERS).
 CLASSIFICATION_ITEMS = [
@@ -53,7 +53,7 @@ CLASSIFICATION_ITEMS = [
 ]
 QUALITY_ITEMS = [(name, *texts) for name, texts in QUALITY_TEXTS.items()] + [
     ("paper", "As in the Paper", "The algorithm exactly as in the paper, for comparison"),
-    ("custom", "Custom", "Set every option in the Advanced panel"),
+    ("custom", "Own Settings", "Set every option in the Advanced panel"),
 ]
 
 
@@ -76,15 +76,16 @@ PLAIN_TEXTS = {
     "classification": "Whether values become opacity and color before or after they are interpolated",
     "depth_rule": "How many layers lie between neighboring slices, and how they are added up along the view",
     "sheet_density": "Pixels of a layer for each pixel of the picture; 0 for one for each voxel",
-    "kernel": "Shape in which a voxel is drawn; only Linear if post-classified",
-    "minification": "What prevents shimmer where voxels are smaller than pixels; only Off if post-classified",
+    "kernel": "Shape in which a voxel is drawn; only Linear where values are interpolated",
+    "minification": "What prevents shimmer where voxels are smaller than pixels; only Off where values are "
+    "interpolated",
     "warp_filter": "How the finished layers become the pixels of the picture",
     "axis_fade": "Angle in degrees over which the picture changes from one stack of slices to another when the camera "
     "turns, so that it does not jump; in orthographic views only",
     "termination": "Transmittance below which a pixel counts as opaque, and what is behind is skipped",
     "rays": "Difference between neighboring pixels (1 is black to white) from which a pixel is ray cast, which is "
-    "slower and exact; 0 for none; only if post-classified",
-    "model": "What voxels that overlap add up; only Extinction if post-classified",
+    "slower and exact; 0 for none; only where values are interpolated",
+    "model": "What voxels that overlap add up; only Extinction where values are interpolated",
     "record": "Bytes in memory for each voxel; fewer lose accuracy",
 }
 
@@ -149,7 +150,7 @@ class SceneSettings(bpy.types.PropertyGroup):
         "Quality",
         **switch("max_error", 0.0, 2.0, when_special=False))  # fmt: skip
     classification: EnumProperty(
-        name="Classification", description=PLAIN_TEXTS["classification"], items=CLASSIFICATION_ITEMS,
+        name="Interpolate", description=PLAIN_TEXTS["classification"], items=CLASSIFICATION_ITEMS,
         default=USUAL.classification, update=_classification_chosen)  # fmt: skip
     depth_rule: KnobEnum(
         name="Layers", description=PLAIN_TEXTS["depth_rule"], default=USUAL.depth_rule,

@@ -50,7 +50,7 @@ def test_texts_of_all_kinds_are_found(addon):
     registered, written = ui_strings.registered(MODULE), ui_strings.written()
     for text, file in (
         ("Turntable", "operators/turntable.py"), ("Maximum Error", "bridge/data/properties.py"),
-        ("Post-Classified", "bridge/data/properties.py"), ("Cut", "panels/clip_objects.py"),
+        ("Interpolate", "bridge/data/properties.py"), ("Cut", "panels/clip_objects.py"),
         ("Keep one side of a plane. The arrow points to the side that is removed", "operators/add_clip.py"),
     ):  # fmt: skip
         assert registered[text] == file
