@@ -5,8 +5,9 @@ from bpy.props import BoolProperty, EnumProperty
 
 from ..bridge.data.settings import tolerance_of
 from ..bridge.held import Held
+from ..bridge.loop import work
 from ..bridge.loop.jobs import StepwiseOperator
-from ..bridge.pictures import backdrop, live_backdrop, outdated, pictures
+from ..bridge.pictures import backdrop, outdated, pictures
 from ..bridge.pictures.canvas import ProgressImage, redraw
 from ..bridge.scene import render_scene
 from ..bridge.volumes import volumes
@@ -36,7 +37,7 @@ class RLE_SPLAT_OT_set_backdrop(StepwiseOperator, bpy.types.Operator):
         return super().invoke(context, event)
 
     def prepare(self, context):
-        live_backdrop.stop()
+        work.drop(work.BACKDROP)
         scene = context.scene
         settings, camera, volume_object = scene.rle_splat, scene.camera, volumes.volume_object(context)
         self._place = settings.backdrop_depth if self.place == "SCENE" else self.place
@@ -93,7 +94,7 @@ class RLE_SPLAT_OT_remove_backdrop(bpy.types.Operator):
         return needs(cls, is_shown, "The active camera shows no picture of a volume")
 
     def execute(self, context):
-        live_backdrop.stop()
+        work.drop(work.BACKDROP)
         backdrop.hide(context.scene, context.scene.camera)
         context.scene.rle_splat.backdrop_object = None
         redraw(context)
