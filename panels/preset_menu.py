@@ -18,10 +18,10 @@ class RLE_SPLAT_MT_presets(bpy.types.Menu):
         for group in preset_entries.groups(volumes.volume_object(context).rle_splat):
             layout.label(text=group.label)
             for entry in group.entries:
-                if entry.is_own:
-                    layout.operator("rle_splat.apply_own_preset", text=entry.label).name = entry.name
-                else:
+                if not entry.is_own:
                     layout.operator("rle_splat.apply_preset", text=entry.label).preset = entry.name
+                else:
+                    layout.operator("rle_splat.apply_own_preset", text=entry.label).name = entry.name
             layout.separator()
         layout.operator("rle_splat.save_own_preset", text="Save as Preset…", icon="ADD")
         layout.separator()
