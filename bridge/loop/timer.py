@@ -25,7 +25,7 @@ _called: list = []  # the function that is being called
 
 
 def start(function: Callable, after: float = 0.0, bite: float = BITE) -> None:
-    """Call a function after some seconds, unless it is to be called already.
+    """Call a function after some seconds, unless it is to be called sooner.
 
     Parameters
     ----------
@@ -34,9 +34,10 @@ def start(function: Callable, after: float = 0.0, bite: float = BITE) -> None:
     bite : float
         Seconds after which it is not called again at once.
     """
-    if bpy.app.background or function in _due:
+    due = time.perf_counter() + after
+    if bpy.app.background or _due.get(function, due) < due:
         return
-    _due[function] = time.perf_counter() + after
+    _due[function] = due
     if bite != BITE:
         _bites[function] = bite
     if _called:

@@ -1,12 +1,16 @@
-"""A queue that reads files from a timer, a step at a time, so that a window never waits for them.
+"""A queue that reads files and makes pictures from a timer, a step at a time, so that a window never waits for them.
 
 Viewports, slices and a backdrop that follows the scene ask for what a volume object shows now.  What is wanted stays in
-the queue until it is read, or until the object shows something else.  When nothing is asked for, the next frame of one
-volume in time is read ahead.  Scripts and background mode do not wait for timers: they read at once.
+the queue until it is read, or until the object shows something else.  Slices in full and the backdrop come next.  When
+nothing is asked for, the next frame of one volume in time is read ahead.  Scripts and background mode do not wait for
+timers: they read at once.
 """
 
+import math
+import time
 from collections.abc import Generator
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import bpy
 
@@ -18,6 +22,7 @@ from ..volumes import loading, volumes
 from . import store, timer
 
 PURPOSE = "picture"  # of a wish, see ``store.Wish``
+BACKDROP, SLICES = "backdrop", "slices"  # names of pictures
 LOOK_AROUND = 0.2  # seconds after a frame change until the next frame is read: the user may drag on
 
 
@@ -38,6 +43,15 @@ class ReadingWork:
     progress: Progress | None = None
 
 
+class PictureWork(NamedTuple):
+    """A picture that is made: of which inputs, when it begins on the performance counter, and its steps."""
+
+    made_from: object
+    due: float
+    steps: Generator
+
+
+_pictures: dict = {}  # name of who shows it -> PictureWork
 _queue: dict = {}  # key of the files, see ``loading.key_of`` -> ReadingWork; the first one is worked on
 _failed: set = set()  # keys of sources that could not be read; asking for them again tells why
 _is_due = [False]  # whether the next frame may be read ahead; once for each frame, however many volumes there are
@@ -74,6 +88,27 @@ def consider() -> None:
         timer.start(_tick, LOOK_AROUND)
 
 
+def begin(name: str, made_from, steps: Generator, after: float = 0.0) -> None:
+    """Make a picture after some seconds, in place of the one of that name that is not done; ``steps`` shows it."""
+    drop(name)
+    _pictures[name] = PictureWork(made_from, time.perf_counter() + after, steps)
+    timer.start(_tick, after)
+
+
+def is_making(name: str, made_from) -> bool:
+    """Whether the picture of that name is being made from these inputs."""
+    return name in _pictures and _pictures[name].made_from == made_from
+
+
+def drop(name: str) -> None:
+    """Do not make a picture.
+
+    The render thread may call this during a step, when a generator cannot be closed.  So it is only released, and ends
+    after that step.
+    """
+    _pictures.pop(name, None)
+
+
 def progress() -> Progress | None:
     """How far the reading is that an object waits for; None if there is none."""
     return next((work.progress for work in _queue.values() if work.waiting), None)
@@ -83,6 +118,7 @@ def stop() -> None:
     """Drop all work, and what is known of files."""
     for key in list(_queue):
         _drop(key)
+    _pictures.clear()
     _failed.clear()
     _is_due[0] = False
     timer.stop(_tick)
@@ -98,14 +134,21 @@ def _tick():
     """Timer function: do one step."""
     if timer.must_wait():
         return timer.BUSY
-    if not _queue and _is_due[0]:
+    name, one = min(_pictures.items(), key=lambda item: item[1].due, default=(None, None))
+    wait = math.inf if one is None else one.due - time.perf_counter()
+    if not _queue and _is_due[0] and wait > 0.0:
         _is_due[0] = False
         _queue.update(_next_frame())
     if _queue:
         _advance(next(iter(_queue)))
+    elif wait <= 0.0:
+        if next(one.steps, None) is None and _pictures.get(name) is one:
+            drop(name)
+    elif one is not None:
+        return wait
     if progress() is not None:
         redraw_sidebars(bpy.context)
-    return timer.AT_ONCE if _queue or _is_due[0] else None
+    return timer.AT_ONCE if _queue or _pictures or _is_due[0] else None
 
 
 def _advance(key: tuple) -> None:
