@@ -12,6 +12,7 @@ import bpy
 
 from ...rle_splat.runtime.steps import drain
 from .. import messages, presence
+from ..data.playback import is_playing
 from ..data.settings import tolerance_of
 from ..held import Held
 from ..loop import timer, work
@@ -36,11 +37,6 @@ class _Work(NamedTuple):
 
 
 _unfinished: list[_Work] = []  # at most one
-
-
-def is_playing() -> bool:
-    """Whether the user plays the animation."""
-    return any(window.screen.is_animation_playing for window in bpy.context.window_manager.windows)
 
 
 def is_moving() -> bool:
