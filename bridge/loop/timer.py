@@ -11,10 +11,12 @@ from collections.abc import Callable
 
 import bpy
 
+from ..data.playback import is_playing
 from . import jobs
 
 BUSY = 0.2  # seconds until work that must wait looks again
 BITE = 0.02  # seconds after which no further step is begun
+PLAYING = 0.1  # the same during playback, where the window itself took as long since the last bite
 PAUSE = 0.005  # seconds between bites
 AT_ONCE = 0.0
 
@@ -22,6 +24,7 @@ _due: dict = {}  # function -> when it is called, on the performance counter
 _bites: dict = {}  # function -> seconds, where they are not BITE
 _next = [0.0]  # when Blender calls ``_tick``
 _called: list = []  # the function that is being called
+_ended = [0.0]  # when the last bite ended
 
 
 def start(function: Callable, after: float = 0.0, bite: float = BITE) -> None:
@@ -73,7 +76,10 @@ def _tick():
     if function is not None and _due[function] <= now:
         del _due[function]
         _called.append(function)
-        again, began, end = AT_ONCE, now, now + _bites.get(function, BITE)
+        bite = _bites.get(function, BITE)
+        if is_playing():
+            bite = max(bite, min(now - _ended[0], PLAYING))
+        again, began, end = AT_ONCE, now, now + bite
         try:
             while again == AT_ONCE and 2.0 * now - began < end:  # no step that, as long as the last, ends after it
                 began, again, now = now, function(), time.perf_counter()
@@ -82,6 +88,7 @@ def _tick():
             again = None
         finally:
             _called.clear()
+            _ended[0] = time.perf_counter()
         if again is not None:
             _due[function] = time.perf_counter() + (again or PAUSE)
     if not _due:
