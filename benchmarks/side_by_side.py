@@ -46,7 +46,7 @@ SIZE, SAMPLES, BOUNCES, PILOT = 360, 4, 4, 4  # pixels, VTK's samples per voxel,
 WORLD, OCCLUSION = 0.15, 0.8
 LAMP = (0.55, -0.6, -0.58)  # where the sun shines to, in the camera's axes: from above, on the left
 ENERGY = 3.2
-TITLE, LETTERS = 1 / 11, 1 / 16  # height of the room above each picture, and of its letters, in sides of it
+TITLE, LETTERS = 1 / 14, 1 / 23  # height of the room above each picture, and of its letters, in sides of it
 BRIGHT = 0.9  # quantile of what is seen that is made equal
 
 NUCLEI = TransferFunction(
