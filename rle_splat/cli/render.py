@@ -63,7 +63,7 @@ def add_arguments(parser) -> None:
         "--keep-table",
         action="store_true",
         help="show the table or the head holder of a CT. Without this, --labels or --transfer-function it is hidden if "
-        "at least 1.5 %% of the voxels shown lie beside the body",
+        "at least 0.6 %% of the voxels shown lie beside the body",
     )
     options.add_tolerance_options(parser)
     options.add_quality_options(parser)

@@ -92,6 +92,14 @@ def test_other_values_get_the_points_on_their_percentiles():
     assert "10 to 999" in remark and "ct-bone" in remark
 
 
+def test_padding_below_air_does_not_move_a_preset():
+    voxels = np.linspace(-1000, 1000, 1000).astype(np.int16)
+    voxels[:200] = -3024
+    low, high = fit_preset("x-ray", volume_of(voxels.reshape(10, 10, 10), value_unit="HU"))[0].span
+    assert low == -1030.0 and 990.0 < high <= 1000.0
+    assert fit_preset("x-ray", volume_of(voxels.reshape(10, 10, 10)))[0].span[0] == -3024.0
+
+
 def test_fitting_survives_values_that_are_nearly_all_alike():
     voxels = np.zeros((20, 20, 20), np.float32)
     voxels[10, 10, 10] = 5.0
