@@ -200,7 +200,7 @@ def test_the_reference_lists_every_panel_with_its_settings():
                   "*Remove Channel (icon)*", "*Depth*", "*Meshes: Hide Volume*",
                   "*White Background*, *Black Background*", "*Cut Along View*"):  # fmt: skip
         assert f"| {label} | " in text, label
-    for label in ("Add Slice", "Add Clip Object", "Chosen Segment"):
+    for label in ("Add Slice", "Add Cutting Object", "Chosen Segment"):
         assert f"*{label}*" not in text, label  # names that no panel draws
     for choice in ("*Very Fine*: ", "*Own Settings*: ", "*Values*: ", "*Cubic, Fast*: "):
         assert choice in text, choice
