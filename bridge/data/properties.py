@@ -146,8 +146,8 @@ class SceneSettings(bpy.types.PropertyGroup):
         translation_context=OURS)  # fmt: skip
     max_error: LiveFloat(
         name="Maximum Error", default=0.0, min=0.0, soft_max=16.0, precision=2,
-        description="Largest allowed error of a color, in steps of an 8-bit picture: 255 are black to white, and 2 are "
-        "hardly seen. The picture's error is measured and reported. 0 uses Quality")  # fmt: skip
+        description="Largest allowed error of a color, in steps of an 8-bit picture, of which 255 lead from black to "
+        "white. The picture's error is measured and reported. 0 uses Quality")  # fmt: skip
     use_max_error: BoolProperty(
         name="Maximum Error", description="Use the fastest settings expected to stay below an error, instead of "
         "Quality",
