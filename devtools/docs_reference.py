@@ -40,7 +40,7 @@ LONG_LIST = 12  # choices; of more, only the names are listed
 BLENDERS = {  # what Blender or an effect declares, by the name or the label in a panel
     "show_object_viewport_volume": ("Eye", "Show volumes live in this viewport."),
     "hide_viewport": ("Hide in Viewports", "Hide this object in viewports."),
-    "hide_render": ("Hide in Renders", "Hide this slice, or this clip object and its cut, in renders."),
+    "hide_render": ("Hide in Renders", "Hide this slice, or this cutting object and its cut, in renders."),
     "use_lock_interface": ("Lock Interface", "Lock Blender's window while it renders."),
     "On Meshes": (
         "On Meshes",

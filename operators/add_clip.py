@@ -1,4 +1,4 @@
-"""Add Clip Object: add an Empty that cuts the volume, a box around it or a plane through its center."""
+"""Add Cutting Object: add an Empty that cuts the volume, a box around it or a plane through its center."""
 
 import bpy
 import numpy as np
@@ -16,13 +16,13 @@ from .reading import LoadsFirst
 from .refusal import has_volume, refuses
 
 FIT = EnumProperty(
-    name="Fit", description="What a clip box encloses or a new plane divides",
+    name="Fit", description="What a cut box encloses or a new plane divides",
     items=[("VOLUME", "Whole Volume", "All voxels"),
            ("VISIBLE", "Visible Part", "The voxels that the opacity curve shows")])  # fmt: skip
 
 
 def fitted(owner, volume, fit: str) -> np.ndarray:
-    """The clip object that holds a volume, or what is visible of it.
+    """The cutting object that holds a volume, or what is visible of it.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def fitted(owner, volume, fit: str) -> np.ndarray:
         # The picture of a voxel reaches to the centers of its neighbors.
         first, last = np.maximum(found[0] - 1.0, first), np.minimum(found[1] + 1.0, last)
     half = 0.5 * (last - first)
-    matrix = np.diag((*np.where(half > 0.0, half, 0.5), 1.0))  # a clip object must not be flat
+    matrix = np.diag((*np.where(half > 0.0, half, 0.5), 1.0))  # a cutting object must not be flat
     matrix[:3, 3] = 0.5 * (first + last)
     return matrix
 
@@ -58,7 +58,7 @@ class RLE_SPLAT_OT_add_clip(LoadsFirst, bpy.types.Operator):
     the side that is removed"""
 
     bl_idname = "rle_splat.add_clip"
-    bl_label = "Add Clip Object"
+    bl_label = "Add Cutting Object"
     bl_options = {"REGISTER", "UNDO"}
 
     kind: EnumProperty(

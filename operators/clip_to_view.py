@@ -1,4 +1,4 @@
-"""Cut Along View: a clip plane that faces the view, so that what lies before it is removed."""
+"""Cut Along View: a cut plane that faces the view, so that what lies before it is removed."""
 
 import bpy
 import numpy as np
@@ -12,7 +12,7 @@ from .refusal import has_volume, refuses
 
 
 class RLE_SPLAT_OT_clip_to_view(bpy.types.Operator):
-    """Remove what lies between the view and a plane that faces it. If a clip plane is active, it is moved there; else
+    """Remove what lies between the view and a plane that faces it. If a cut plane is active, it is moved there; else
     one is added. In background mode the view is that of the active camera"""
 
     bl_idname = "rle_splat.clip_to_view"

@@ -25,7 +25,7 @@ OPACITY, VALUE = "OPACITY", "VALUE"
 
 
 class RLE_SPLAT_OT_extract_surface(StepwiseOperator, bpy.types.Operator):
-    """Add a mesh of the surface of what is opaque in the volume, in the volume's colors. Clip objects cut it, and
+    """Add a mesh of the surface of what is opaque in the volume, in the volume's colors. Cutting objects cut it, and
     hidden segments are left out"""
 
     bl_idname = "rle_splat.extract_surface"

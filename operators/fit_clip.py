@@ -1,4 +1,4 @@
-"""Fit to Volume: make a clip box as large as the volume again, or as what is visible of it."""
+"""Fit to Volume: make a cut box as large as the volume again, or as what is visible of it."""
 
 import bpy
 import numpy as np
@@ -15,7 +15,7 @@ from .refusal import has_volume, needs, refuses
 
 
 class RLE_SPLAT_OT_fit_clip(LoadsFirst, bpy.types.Operator):
-    """Make the clip box as large as the volume again"""
+    """Make the cut box as large as the volume again"""
 
     bl_idname = "rle_splat.fit_clip"
     bl_label = "Fit to Volume"
@@ -27,7 +27,7 @@ class RLE_SPLAT_OT_fit_clip(LoadsFirst, bpy.types.Operator):
     def poll(cls, context):
         one = clip_handles.active_box(context)
         return has_volume(cls, context) and needs(
-            cls, one is not None and linked.is_own(one), "Add a clip box, or choose one in the list"
+            cls, one is not None and linked.is_own(one), "Add a cut box, or choose one in the list"
         )
 
     @refuses

@@ -111,8 +111,8 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
         "give it less than half of its brightness on any side. The panel Lighting changes it",
         default=False, options={"SKIP_SAVE"})  # fmt: skip
     use_segments: BoolProperty(
-        name="Load Segmentation", description="Show the segmentation of the scan, if there is one beside it, in the "
-        "colors of Anatomy: a DICOM SEG or RTSTRUCT in its folder or the one above, or a file or folder of masks whose "
+        name="Load Segmentation", description="Show the segmentation of the scan, if there is one beside it, colored "
+        "by anatomy: a DICOM SEG or RTSTRUCT in its folder or the one above, or a file or folder of masks whose "
         "name has the word label or segmentation", default=False, options={"SKIP_SAVE"})  # fmt: skip
     hide_table: BoolProperty(
         name="Hide Table", description="In a CT, find the body and hide the table or the head holder if the transfer "

@@ -55,7 +55,7 @@ class RLE_SPLAT_OT_color_anatomy(bpy.types.Operator):
     transparent. Other segments keep their colors or get distinct ones, and what is in no segment is hidden"""
 
     bl_idname = "rle_splat.color_anatomy"
-    bl_label = "Anatomy"
+    bl_label = "Color by Anatomy"
     bl_options = {"REGISTER", "UNDO"}
 
     poll = classmethod(has_segments)

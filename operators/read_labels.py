@@ -1,4 +1,4 @@
-"""Read Labels: list the labels in the volume's label file."""
+"""Load Segments: list the labels in the volume's label file."""
 
 import bpy
 
@@ -14,7 +14,7 @@ class RLE_SPLAT_OT_read_labels(StepwiseOperator, bpy.types.Operator):
     """List the segments in the label file. Each can be hidden, or get its own color and opacity"""
 
     bl_idname = "rle_splat.read_labels"
-    bl_label = "Read Segments"
+    bl_label = "Load Segments"
     bl_options = {"UNDO"}  # without REGISTER: Adjust Last Operation (F9) would read the file again
 
     is_new = False  # Blender pushes the undo step, for UNDO is among ``bl_options``
@@ -45,5 +45,5 @@ class RLE_SPLAT_OT_read_labels(StepwiseOperator, bpy.types.Operator):
         if further:
             sentence += f"; {further} rows of the library have no voxels but cannot be removed"
         if not any(row.use_color for row in owner.rle_splat.labels):  # so that the picture is as before
-            sentence += "; press Anatomy to see them in color"
+            sentence += "; press Color by Anatomy to see them in color"
         self.report({"INFO"}, sentence)

@@ -1,4 +1,4 @@
-"""Make Picture: render the volume through the active camera into a color image and a depth image."""
+"""Render to Image: render the volume through the active camera into a color image and a depth image."""
 
 import bpy
 
@@ -12,7 +12,7 @@ from .through_camera import ThroughCamera, report_picture
 
 class RLE_SPLAT_OT_render_image(ThroughCamera, bpy.types.Operator):
     bl_idname = "rle_splat.render_image"
-    bl_label = "Make Picture"
+    bl_label = "Render to Image"
     bl_description = (
         "Render the volume through the active camera into a color image and a depth image, which are saved with the "
         ".blend, and open the color image in an image editor"

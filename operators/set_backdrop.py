@@ -1,4 +1,4 @@
-"""Show in Camera View and Remove from Camera View: the volume's picture as a background image of the active camera."""
+"""Preview in and Remove from Camera View: the volume's picture as a background image of the active camera."""
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty
@@ -17,11 +17,13 @@ from .through_camera import evaluated, has_volume_and_camera, is_looked_through,
 
 class RLE_SPLAT_OT_set_backdrop(StepwiseOperator, bpy.types.Operator):
     bl_idname = "rle_splat.set_backdrop"
-    bl_label = "Show in Camera View"
-    bl_description = "Render the volume and show it in the active camera's view, aligned to the pixel"
+    bl_label = "Preview in Camera View"
+    bl_description = (
+        "Render the volume and show it in the active camera's view, aligned to the pixel. Renders do not include it"
+    )
 
     place: EnumProperty(
-        name="Depth", description="Where the camera view shows the picture",
+        name="Place", description="Where the camera view shows the picture",
         items=[("BACK", "Behind", "Show it behind the objects"),
                ("FRONT", "In Front", "Show it in front of the objects, except where a mesh hides the volume"),
                ("SCENE", "As Set", "Use the setting in the panel")],

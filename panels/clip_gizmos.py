@@ -1,4 +1,4 @@
-"""Handles in the 3D viewport: six on the faces of a clip box; on a clip plane or a slice one that moves, two that tilt.
+"""Handles in the 3D viewport: six on the faces of a cut box; on a cut plane or a slice one that moves, two that tilt.
 
 A drag is one step of undo.  Esc or the right mouse button cancels it.
 """
@@ -114,7 +114,7 @@ def _push_undo() -> None:
 
 
 class RLE_SPLAT_GGT_clip_box(Handles, bpy.types.GizmoGroup):
-    """A handle on each face of a clip box. The opposite face stays"""
+    """A handle on each face of a cut box. The opposite face stays"""
 
     bl_label = "Handles of a Clip Box"
 
@@ -135,7 +135,7 @@ class RLE_SPLAT_GGT_clip_box(Handles, bpy.types.GizmoGroup):
 
 
 class RLE_SPLAT_GGT_clip_plane(Handles, bpy.types.GizmoGroup):
-    """A handle that moves a clip plane or a slice along its normal, and two rings that tilt it"""
+    """A handle that moves a cut plane or a slice along its normal, and two rings that tilt it"""
 
     bl_label = "Handles of a Plane"
 

@@ -52,7 +52,7 @@ def _draw_one(context, layout, one) -> None:
 
 
 def _is_box(one) -> bool:
-    """Whether a clip object cuts as a box, as far as its own shape tells: a cube Empty, or a mesh that is not flat."""
+    """Whether an object cuts as a box, as far as its own shape tells: a cube Empty, or a mesh that is not flat."""
     if one.type == "EMPTY":
         return one.empty_display_type == "CUBE"
     return min(one.dimensions) > clip_objects.FLAT * max(one.dimensions)

@@ -3,12 +3,14 @@
 import bpy
 
 from ..bridge.look import transfer_nodes
+from ..bridge.look.preset_entries import modality_of
 from ..bridge.scene import clip_objects
 from ..bridge.translations import with_unit
 from ..bridge.volumes import encoded, volumes
 from ..operators import plain_background
 from ..rle_splat.classify.presets import PRESETS
 from ..rle_splat.scene import MODES
+from ..rle_splat.volume.volume import PATIENT
 from .places import DataTab, OfVolume, paragraph
 
 MINIP = "The smallest value of most lines is that of air: cut the volume to a slab with Cut > Add Box"
@@ -52,6 +54,8 @@ class DisplayPanel:
         row = layout.row()
         row.active = properties.mode == MODES[0] or not properties.use_grays
         row.prop(properties, "opacity_scale", slider=True)
+        if not is_encoded and properties.space == PATIENT and modality_of(properties) == "CT" and not properties.labels:
+            self.layout.operator("rle_splat.remove_table", icon="USER")
         column = self.layout.column(heading="Show", align=True)
         for name in ("show_scale_bar", "show_color_bar"):
             column.prop(context.scene.rle_splat, name)

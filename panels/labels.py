@@ -10,7 +10,6 @@ NAME_SHARE = 0.62  # of a row's width that the segment's name takes
 SWATCH = 1.2  # width of a color, in buttons
 ROWS = 6
 NO_SEGMENTS = "Segments need the values of the scan, which a .rle file does not hold"
-BUTTON = 2.5  # width of a button beside a path, in buttons
 
 
 class RLE_SPLAT_UL_labels(bpy.types.UIList):
@@ -61,10 +60,8 @@ class RLE_SPLAT_PT_labels(OfVolume, bpy.types.Panel):
         layout.menu(RLE_SPLAT_MT_segments.__name__, icon="TOOL_SETTINGS")
         row = layout.row(align=True)
         row.prop(properties, "label_file", text="")
-        button = row.row(align=True)
-        button.ui_units_x = BUTTON
-        button.operator("rle_splat.read_labels", text="Read")
         row.operator("rle_splat.clear_labels", text="", icon="X")
+        layout.operator("rle_splat.read_labels", icon="FILE_REFRESH")
         if not properties.labels:
             return
         layout.template_list(

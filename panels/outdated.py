@@ -12,6 +12,8 @@ def draw_outdated(context, layout) -> bool:
     for image in images:
         sentence = filled("Out of date: {image}. The scene has changed since", image=image.name)
         paragraph(context, layout, sentence, icon="ERROR")
-        again = "rle_splat.set_backdrop" if image in pinned else "rle_splat.render_image"
-        layout.operator(again, text="Update", icon="FILE_REFRESH")
+        if image in pinned:
+            layout.operator("rle_splat.set_backdrop", text="Update Camera View", icon="FILE_REFRESH")
+        else:
+            layout.operator("rle_splat.render_image", text="Update Picture", icon="FILE_REFRESH")
     return bool(images)

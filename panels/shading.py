@@ -1,10 +1,12 @@
-"""The Lighting panel: what shines on the volume, and its material."""
+"""The Lighting panel: what shines on the volume, the shadows of the scene, and the volume's material."""
 
 import bpy
 
+from ..bridge.data import effects
 from ..bridge.data.automatic import draw_number
 from ..bridge.data.settings import is_pre_classified
 from ..bridge.scene import first_light, world_render
+from ..bridge.scene.lights import is_any_lit
 from ..bridge.scene.world import state as world_state
 from ..bridge.volumes import encoded, volumes
 from .places import OfVolume, paragraph
@@ -23,6 +25,7 @@ class RLE_SPLAT_PT_shading(OfVolume, bpy.types.Panel):
         settings = context.scene.rle_splat
         if encoded.is_of(owner):
             paragraph(context, layout, encoded.STORED_VALUES, icon="INFO")
+            _draw_scene(context.scene, layout)
             return
         layout.prop(properties, "lighting")
         unused = first_light.unused_lights(context.scene, properties.lighting)
@@ -31,6 +34,7 @@ class RLE_SPLAT_PT_shading(OfVolume, bpy.types.Panel):
         paragraph(context, layout, world_state(context.scene, properties.lighting), icon="WORLD")
         if world_render.is_needed(context.scene):
             layout.operator("rle_splat.update_world_light", icon="FILE_REFRESH")
+        _draw_scene(context.scene, layout)
         layout.prop(properties, "use_shading")
         column = layout.column()
         column.active = properties.use_shading and not is_pre_classified(settings)
@@ -39,3 +43,26 @@ class RLE_SPLAT_PT_shading(OfVolume, bpy.types.Panel):
         column.active = properties.use_shading
         for name in ("ambient", "diffuse", "specular", "shininess", "highlight", "two_sided"):
             column.prop(properties, name)
+
+
+def _draw_scene(scene, layout) -> None:
+    """What all volumes of the scene share: shadows and the light from all sides."""
+    settings = scene.rle_splat
+    has_shadows, is_lit = not settings.max_error or not is_pre_classified(settings), is_any_lit(scene)
+    layout.label(text="Scene")
+    column = layout.column(align=True)
+    column.use_property_decorate = False
+    column.active = is_lit
+    row = column.row()
+    row.active = has_shadows
+    row.prop(settings, "use_shadows")
+    column.prop(settings.effect_overrides, effects.property_of(effects.SHADOWS_ON_MESHES), text="On Meshes")
+    column.prop(settings, "use_world")
+    column = layout.column(align=True)
+    column.use_property_split = False  # the longer name would be cut off
+    row = column.row(align=True)
+    row.active = has_shadows
+    row.prop(settings, "ambient_occlusion", slider=True)
+    row = column.row(align=True)
+    row.active = is_lit and settings.use_shadows and not is_pre_classified(settings)
+    row.prop(settings, "indirect_light", slider=True)

@@ -34,7 +34,7 @@ def property_of(name: str) -> str:
 
 def title(name: str) -> str:
     """The name of an effect in Title Case: Depth of Field."""
-    return name.title().replace(" Of ", " of ").replace(" On ", " on ")
+    return name.title().replace(" Of ", " of ").replace(" On ", " on ").replace("Clip O", "Cutting O")
 
 
 _Override = partial(EnumProperty, items=STATE_ITEMS, default=AUTO, update=evaluate_anew)

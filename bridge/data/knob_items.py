@@ -24,7 +24,7 @@ _COUNTED = {
     "midpoint": ("{} Midpoints", "{} layers between neighboring slices"),
     "preintegrated": (
         "{} Exact Layers",
-        "{} layers between neighboring slices, each integrated exactly for linear values",
+        "{} layers between neighboring slices, each integrated exactly for linear values (pre-integrated)",
     ),
 }
 RECORD_ITEMS = [

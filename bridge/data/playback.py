@@ -15,7 +15,7 @@ from .overridable import IntProperty, LiveEnum, LiveFloat, LiveInt
 
 FIXED, HOLD, LOOP = "FIXED", "HOLD", "LOOP"
 PLAYBACK_ITEMS = [
-    (FIXED, "Fixed", "Show the volume that Frame names, which can be keyframed"),
+    (FIXED, "Fixed", "Show the volume that Time Point names, which can be keyframed"),
     (HOLD, "Hold", "Follow the timeline; before the first volume and after the last one, show that one"),
     (LOOP, "Loop", "Follow the timeline, and begin again after the last volume"),
 ]
@@ -27,13 +27,13 @@ class Playback:
     """Mix-in for the property group of a volume object."""
 
     frame_count: IntProperty(
-        name="Frames", description="Number of volumes in time that the source holds", default=1, min=1
+        name="Time Points", description="Number of volumes in time that the source holds", default=1, min=1
     )
     data_frame: IntProperty(
         name="Frame of the Hash", description="Frame whose voxels have the data hash", default=1, min=1,
         options={"HIDDEN"})  # fmt: skip
     playback: LiveEnum(name="Playback", description="Which of the volumes in time is shown", items=PLAYBACK_ITEMS)
-    frame: LiveInt(name="Frame", description="Volume to show, from 1; 0 is the first", default=0, min=0)
+    frame: LiveInt(name="Time Point", description="Volume to show, from 1; 0 is the first", default=0, min=0)
     frame_offset: LiveInt(
         name="Offset", description="Added to the frame of the timeline. With 0 and a step of 1, frame 1 shows the "
         "first volume", default=0)  # fmt: skip

@@ -44,15 +44,17 @@ QUALITY_TEXTS = {
     "strict": ("Very Fine", "The most accurate quality, and slow"),
 }
 CLASSIFICATION_TEXTS = {
-    "pre": ("Colors", "Give every voxel its color and opacity, then interpolate those, as in the paper"),
-    "post": ("Values", "Interpolate the values, then look up color and opacity, as ray casting does"),
+    "pre": ("Colors", "Give every voxel its color and opacity, then interpolate those, as in the paper "
+            "(pre-classification)"),
+    "post": ("Values", "Interpolate the values, then look up color and opacity, as ray casting does "
+             "(post-classification)"),
 }  # fmt: skip
 # The numbers are those of saved files, where 1 was an item that was removed (see settings.REMOVED_NUMBERS).
 CLASSIFICATION_ITEMS = [
     (name, *CLASSIFICATION_TEXTS[name], "", number) for name, number in zip(tables.CLASSIFICATIONS, (0, 2), strict=True)
 ]
 QUALITY_ITEMS = [(name, *texts) for name, texts in QUALITY_TEXTS.items()] + [
-    ("paper", "As in the Paper", "The algorithm exactly as in the paper, for comparison"),
+    ("paper", "As in the Paper", "The reference algorithm of 2003, exactly as in the paper, for comparison"),
     ("custom", "Own Settings", "Set every option in the Advanced panel"),
 ]
 
@@ -82,7 +84,8 @@ PLAIN_TEXTS = {
     "warp_filter": "How the finished layers become the pixels of the picture",
     "axis_fade": "Angle in degrees over which the picture changes from one stack of slices to another when the camera "
     "turns, so that it does not jump; in orthographic views only",
-    "termination": "Transmittance below which a pixel counts as opaque, and what is behind is skipped",
+    "termination": "Transmittance below which a pixel counts as opaque, and what is behind is skipped (early ray "
+    "termination)",
     "rays": "Difference between neighboring pixels (1 is black to white) from which a pixel is ray cast, which is "
     "slower and exact; 0 for none; only where values are interpolated",
     "model": "What voxels that overlap add up; only Extinction where values are interpolated",
@@ -143,8 +146,8 @@ class SceneSettings(bpy.types.PropertyGroup):
         translation_context=OURS)  # fmt: skip
     max_error: LiveFloat(
         name="Maximum Error", default=0.0, min=0.0, soft_max=16.0, precision=2,
-        description="Largest allowed error of a color, in steps of an 8-bit picture. The picture's error is measured "
-        "and reported. 0 uses Quality")  # fmt: skip
+        description="Largest allowed error of a color, in steps of an 8-bit picture, of which 255 lead from black to "
+        "white. The picture's error is measured and reported. 0 uses Quality")  # fmt: skip
     use_max_error: BoolProperty(
         name="Maximum Error", description="Use the fastest settings expected to stay below an error, instead of "
         "Quality",
@@ -217,13 +220,13 @@ class SceneSettings(bpy.types.PropertyGroup):
         description="Let light that casts shadows scatter in the volume, so that thin and soft matter is translucent; "
         "1 is full strength")  # fmt: skip
     clip_objects: LivePointer(
-        name="Clip Objects",
+        name="Cutting Objects",
         type=bpy.types.Collection,
         description="Collection of objects that cut the volume. Meshes and cube Empties cut as boxes, flat meshes and "
         "arrow Empties as planes. The part that all of them keep is shown",
     )
     use_clips: LiveBool(
-        name="Cut Volumes", default=True, description="Cut volumes by the clip objects; off shows them whole"
+        name="Cut Volumes", default=True, description="Cut volumes by the cutting objects; off shows them whole"
     )
     show_scale_bar: BoolProperty(
         name="Scale Bar", default=False, update=_redraw,
@@ -235,7 +238,7 @@ class SceneSettings(bpy.types.PropertyGroup):
         name="Meshes Hide Volume", default=True,
         description="Let meshes hide the part of the volume behind them, also inside the volume")  # fmt: skip
     backdrop_depth: EnumProperty(
-        name="Depth", description="Where the camera view shows the picture", update=_place_backdrop,
+        name="Place", description="Where the camera view shows the picture", update=_place_backdrop,
         items=[("BACK", "Behind", "Show the picture behind the objects"),
                ("FRONT", "In Front", "Show the picture in front of the objects")])  # fmt: skip
     backdrop_object: PointerProperty(
@@ -243,7 +246,7 @@ class SceneSettings(bpy.types.PropertyGroup):
     )
     backdrop_follows: BoolProperty(
         name="Keep Up to Date", default=False, update=evaluate_anew,
-        description="Update the picture when the frame, the camera, the volume, a light, a clip object or a "
+        description="Update the picture when the frame, the camera, the volume, a light, a cutting object or a "
         "setting changes")  # fmt: skip
     composite_object: PointerProperty(
         name="Volume in Renders", type=bpy.types.Object, description="Volume that renders include"

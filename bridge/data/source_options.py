@@ -126,8 +126,8 @@ class SourceOptions:
         name="Series Hash", description="Hash of the identifier of the DICOM series, by which it is found again",
         options={"HIDDEN"})  # fmt: skip
     frame: IntProperty(
-        name="Frame", description="Number of the volume where a file holds several, such as one for each time; 0 uses "
-        "the first", default=0, min=0)  # fmt: skip
+        name="Time Point", description="Number of the volume where a file holds several, such as one for each time; 0 "
+        "uses the first", default=0, min=0)  # fmt: skip
     level: IntProperty(
         name="Resolution Level", description="Level of an OME-Zarr pyramid, 0 is the finest; -1 takes the finest "
         "that fits into memory when it is imported", default=-1, min=-1)  # fmt: skip

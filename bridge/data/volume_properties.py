@@ -1,4 +1,4 @@
-"""The properties of a volume object, and of its slices and clip objects.
+"""The properties of a volume object, and of its slices and cutting objects.
 
 Voxels are not saved; ``VolumeProperties`` holds the file and the options to read them again.  The curve and the colors
 of the transfer function are in the node group ``transfer`` (see ``transfer.py``).  Its window is a property of the
@@ -174,10 +174,10 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     clip_flipped: BoolProperty(
         name="Flip", description="Keep the other part of the volume", set=_flip,
         get=lambda group: group.clip_keep == "OUTSIDE")  # fmt: skip
-    clip_keep: LiveEnum(name="Keep", description="Part of the volume that this clip object keeps", items=CLIP_ITEMS)
+    clip_keep: LiveEnum(name="Keep", description="Part of the volume that this cutting object keeps", items=CLIP_ITEMS)
     clip_only_parent: LiveBool(
         name="Only Its Volume", default=False,
-        description="Cut only the volume that this clip object is a child of, not the others in the scene")  # fmt: skip
+        description="Cut only the volume that this object is a child of, not the others in the scene")  # fmt: skip
     is_slice: BoolProperty(
         name="Is a Slice", description="This mesh shows a slice of the volume that it is a child of", default=False,
         options={"HIDDEN"}, update=_look_again)  # fmt: skip
@@ -188,8 +188,8 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         name="Kind of Slice", description="How the slice lay when it was added: axial, coronal or sagittal",
         options={"HIDDEN"})  # fmt: skip
     slice_position: FloatProperty(
-        name="Position", description="Where the slice is along its normal, from the middle of the scan, in the file's "
-        "unit of length, mm for patients", precision=1, step=100, options=set(), set=_move_slice,
+        name="Position", description="Distance of the slice from the middle of the scan along its normal, in the "
+        "file's unit of length, mm for patients", precision=1, step=100, options=set(), set=_move_slice,
         get=lambda group: group.id_data.location.z * _slice_step(group))  # fmt: skip
     slices_follow_window: BoolProperty(
         name="Same as Volume", default=True, update=_unlink_slices,
@@ -223,20 +223,23 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         options={"HIDDEN"})  # fmt: skip
     shift_by: FloatProperty(  # a drag moves it by a unit for each pixel
         name="Shift", translation_context=OURS, step=100, precision=1, get=_shift_of, set=_shift,
-        description="Move the whole transfer function to higher or lower values, in their unit")  # fmt: skip
+        description="Slide colors and opacity along the values, in their unit. Level moves by as much")  # fmt: skip
     shift_finely: FloatProperty(
         name="Shift", translation_context=OURS, step=1, precision=3, get=_shift_of, set=_shift,
-        description="Move the whole transfer function to higher or lower values, in their unit")  # fmt: skip
+        description="Slide colors and opacity along the values, in their unit. Level moves by as much")  # fmt: skip
     opacity_scale: LiveFloat(
         name="Opacity", description="Factor on the whole opacity curve", default=1.0, min=0.0, soft_max=2.0
     )
     opacity_unit_distance: LiveFloat(
-        name="Opacity Unit Distance", description="Length of material, in mm for patients, that has the opacity of "
-        "the curve: smaller is more opaque", default=0.0, min=0.0, precision=4)  # fmt: skip
+        name="Opacity Unit Distance", description="Thickness of material, in mm for patients, at which the opacity "
+        "curve holds. Smaller is more solid: some 0.05 mm makes thin bone opaque",
+        default=0.0, min=0.0, precision=4)  # fmt: skip
     use_smallest_spacing: BoolProperty(
         name="Automatic", description="Use the smallest voxel spacing",
         **switch("opacity_unit_distance", 0.0, 1.0))  # fmt: skip
-    use_shading: LiveBool(name="Shading", description="Shade surfaces by their angle to the light", default=True)
+    use_shading: LiveBool(
+        name="Surface Shading", description="Shade surfaces by their angle to the light", default=True
+    )
     ambient: LiveFloat(
         name="Ambient", default=0.2, min=0.0, soft_max=1.0,
         description="Brightness that does not depend on the lights")  # fmt: skip
@@ -284,8 +287,8 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
                ("PHONG", "Phong", "Use the mirror direction of the light")))  # fmt: skip
     smoothness: LiveFloat(
         name="Smoothness", default=-1.0, min=-1.0, soft_max=10.0, precision=2,
-        description="Distance in mm over which values are smoothed before light is computed, which removes the rings "
-        "of thick slices. 0 is off")  # fmt: skip
+        description="Standard deviation in mm of the Gaussian that smooths values before light is computed, which "
+        "removes the rings of thick slices. 0 is off")  # fmt: skip
     use_automatic_smoothness: BoolProperty(
         name="Automatic", description="Smooth surfaces by the largest voxel spacing, at most 2 mm",
         **switch("smoothness", -1.0, 1.0))  # fmt: skip

@@ -1,1 +1,1 @@
-"""Blender's scene as plain data: camera, lights, world, meshes, clip objects, motion, mist, viewports."""
+"""Blender's scene as plain data: camera, lights, world, meshes, cutting objects, motion, mist, viewports."""

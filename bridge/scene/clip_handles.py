@@ -1,4 +1,4 @@
-"""What the handles of clip objects do: move one face of a box, move a plane along its normal, and tilt it.
+"""What the handles of cutting objects do: move one face of a box, move a plane along its normal, and tilt it.
 
 Objects are changed by their own location, rotation and scale, so that these can be keyframed.
 """
@@ -17,7 +17,7 @@ THINNEST = 1e-3  # of a box's longest side: it must not become flat
 
 
 def active_box(context):
-    """The clip box that handles are shown for, or None.
+    """The cut box that handles are shown for, or None.
 
     The active object if it is an Empty that cuts as a box, else the first visible one that cuts the active volume.
     """

@@ -1,8 +1,8 @@
-"""Clip objects: the planes and boxes in a scene's collection of clip objects, as plain data.
+"""Cutting objects: the planes and boxes in a scene's collection of cutting objects, as plain data.
 
 An Empty displayed as a cube is a box.  An Empty displayed as an arrow, as axes or as an image is a plane: the side that
 its +Z points to is removed.  A flat mesh is a plane too, along its thin axis.  Any other mesh is its bounding box.
-A clip object cuts every volume, or only the one whose child it is (``clip_only_parent``).
+A cutting object cuts every volume, or only the one whose child it is (``clip_only_parent``).
 Objects in child collections count.  An Empty that is hidden from renders does not count.  A mesh counts hidden or not,
 because hiding it from renders is how a user keeps Blender from rendering it; a clip mesh never occludes the volume.
 """
@@ -15,7 +15,7 @@ from .. import linked, presence
 from ..volumes import box
 from ..volumes.attached import attach, is_attached, world_matrix
 
-COLLECTION = "Clip Objects"
+COLLECTION = "Cutting Objects"
 PLANES = ("SINGLE_ARROW", "ARROWS", "PLAIN_AXES", "IMAGE")  # display types of an Empty that show its +Z
 ARROW = 0.5  # length of a plane's arrow, in units of its own space, where its rectangle reaches from -1 to 1
 RECTANGLE = [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], [(0, 1), (1, 2), (2, 3), (3, 0)]  # vertices, edges
@@ -23,14 +23,14 @@ FLAT = 1e-6  # a mesh whose thickness is below this fraction of its size is a pl
 
 
 def clip_objects(scene) -> list:
-    """The clip objects of a scene, sorted by name, without deleted ones."""
+    """The cutting objects of a scene, sorted by name, without deleted ones."""
     collection = scene.rle_splat.clip_objects
     members = [] if collection is None else collection.all_objects
     return sorted((one for one in members if not presence.is_deleted(one)), key=lambda one: one.name)
 
 
 def cuts(one, owner) -> bool:
-    """Whether a clip object cuts a volume, because it cuts every volume or is a child of this one.
+    """Whether a cutting object cuts a volume, because it cuts every volume or is a child of this one.
 
     One that cuts only its parent cuts every volume when it has no volume as its parent any more.
     """
@@ -38,12 +38,12 @@ def cuts(one, owner) -> bool:
 
 
 def read_clips(depsgraph, owner, moved=None) -> tuple[Clip, ...]:
-    """The clip objects that cut a volume, as plain data at the depsgraph's time.
+    """The cutting objects that cut a volume, as plain data at the depsgraph's time.
 
     Parameters
     ----------
     moved : (4, 4) ndarray of float64, optional
-        The world matrix from the volume object to an instance of it.  Its children move along, other clip objects stay.
+        The world matrix from the volume object to an instance of it.  Its children move along, other objects stay.
 
     Returns
     -------
@@ -80,7 +80,7 @@ def _shape(one, evaluated) -> tuple[str, np.ndarray]:
     if one.type == "MESH" and len(one.data.vertices):
         return _bounds(np.array(evaluated.bound_box, dtype=np.float64))
     raise RleSplatError(
-        f"{one.name!r} is in the collection of clip objects but neither a plane nor a box; use a mesh, or an Empty "
+        f"{one.name!r} is in the collection of cutting objects but neither a plane nor a box; use a mesh, or an Empty "
         "shown as a cube or an arrow, or take it out of the collection."
     )
 
@@ -139,7 +139,7 @@ def facing(view: np.ndarray, corners: np.ndarray, point: np.ndarray) -> np.ndarr
 
 
 def check_can_add(scene, view_layer) -> None:
-    """Check that an object added to the scene's clip objects would be in the view layer.
+    """Check that an object added to the scene's cutting objects would be in the view layer.
 
     Raises
     ------
@@ -151,7 +151,7 @@ def check_can_add(scene, view_layer) -> None:
     if not _is_included(view_layer.layer_collection, holder):
         raise RleSplatError(
             f"The collection {holder.name!r} is excluded from the view layer {view_layer.name!r}, or not in the scene; "
-            "include it in the Outliner, or choose another collection of clip objects."
+            "include it in the Outliner, or choose another collection of cutting objects."
         )
 
 
@@ -163,7 +163,7 @@ def _is_included(layer_collection, collection) -> bool:
 
 
 def ensure_collection(scene):
-    """The scene's collection of clip objects; a new one if there is none, or to hold a linked one."""
+    """The scene's collection of cutting objects; a new one if there is none, or to hold a linked one."""
     settings = scene.rle_splat
     given = settings.clip_objects
     if given is None or not linked.is_own(given):
@@ -175,7 +175,7 @@ def ensure_collection(scene):
 
 
 def add_clip(scene, owner, kind: str, keep: str, matrix) -> object:
-    """Add an Empty to the scene's collection of clip objects, as a child of the volume that it cuts.
+    """Add an Empty to the scene's collection of cutting objects, as a child of the volume that it cuts.
 
     Parameters
     ----------

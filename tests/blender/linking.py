@@ -1,4 +1,4 @@
-"""A library with a volume, its labels, a channel and a clip object, and ways to bring them into another file."""
+"""A library with a volume, its labels, a channel and a cutting object, and ways to bring them into another file."""
 
 import bpy
 import numpy as np
@@ -49,7 +49,7 @@ def scan():
 
 
 def make_library(tmp_path):
-    """library/library.blend with the volume "scan", its labels 0, 1 and 2, its channel "second" and a clip object, all
+    """library/library.blend with the volume "scan", its labels 0, 1 and 2, its channel "second" and a cutter, all
     in the collection "study"; afterwards work/work.blend is open, and empty.  Returns the library's path."""
     folder, work = tmp_path / "library", tmp_path / "work"
     folder.mkdir()

@@ -88,7 +88,7 @@ def deleted(folder):
 
 
 def other_objects_deleted(folder):
-    """A channel's volume and a clip object, which their lists still hold."""
+    """A channel's volume and a cutting object, which their lists still hold."""
     owner = add_volume(folder)
     channel = owner.rle_splat.channels.add()
     channel.source = add_volume(folder, "channel")

@@ -267,14 +267,14 @@ def in_scene(scene):
 
 
 def picture_of(scene=None, **options):
-    """Make Picture of the active volume; returns (the image, its pixels)."""
+    """Render to Image of the active volume; returns (the image, its pixels)."""
     assert bpy.ops.rle_splat.render_image(**options) == {"FINISHED"}
     image = (scene or bpy.context.scene).rle_splat.image
     return image, image_pixels(image)
 
 
 def picture(scene=None, **options):
-    """The pixels of Make Picture of the active volume, (H, W, 4) float32, row 0 on top."""
+    """The pixels of Render to Image of the active volume, (H, W, 4) float32, row 0 on top."""
     return picture_of(scene, **options)[1]
 
 
@@ -298,7 +298,7 @@ def backdrop_of(camera):
 
 
 def set_anew(camera):
-    """The pixels of the backdrop as Show in Camera View makes it now."""
+    """The pixels of the backdrop as Preview in Camera View makes it now."""
     assert bpy.ops.rle_splat.set_backdrop() == {"FINISHED"}
     return backdrop_of(camera)
 

@@ -37,13 +37,13 @@ SITUATIONS = {
     "B22": ("a volume composited into renders is deleted", "the message says so, and no picture of before is laid "
             "over the render"),
     "B23": ("a channel is deleted", "it is no longer drawn"),  # test_messages.py
-    "B24": ("a clip object is deleted", "it no longer cuts"),  # test_messages.py
+    "B24": ("a cutting object is deleted", "it no longer cuts"),  # test_messages.py
     "B25": ("a volume is in the scene through an instanced collection alone", "it does not count as deleted: it is "
             "drawn, or the message says why not"),
-    "B26": ("the volume is in a collection that is hidden in the window", "Make Picture and renders show it where "
+    "B26": ("the volume is in a collection that is hidden in the window", "Render to Image and renders show it where "
             "it is now"),
     "B27": ("the volume's collection is hidden from renders, and shown again", "renders go with it"),
-    "B28": ("a mesh is looked at in local view", "Make Picture and renders still show the volume"),
+    "B28": ("a mesh is looked at in local view", "Render to Image and renders still show the volume"),
     # View layers: test_view_layers.py
     "B29": ("the volume is excluded from the first of two view layers", "each layer shows what it has"),
     "B30": ("meshes are excluded from one of two view layers", "they hide the volume in the other layer alone"),
@@ -62,26 +62,26 @@ SITUATIONS = {
     "B40": ("an operator would edit a linked volume", "it gives a clear error"),
     "B41": ("a volume is appended from a .blend in another folder", "its file is found"),
     # Pictures and what they were made from: test_situations_stale.py
-    "B42": ("a point of the opacity curve is moved from Python", "the next Make Picture shows it"),
-    "B43": ("a stop of the color ramp is removed from Python", "the next Make Picture shows it"),
+    "B42": ("a point of the opacity curve is moved from Python", "the next Render to Image shows it"),
+    "B43": ("a stop of the color ramp is removed from Python", "the next Render to Image shows it"),
     "B44": ("the transfer function is edited from Python, with Persistent Data", "the next render shows it"),
     "B45": ("the transfer function is edited under a backdrop that follows", "the backdrop shows it"),
     "B46": ("the camera is moved under a backdrop that follows", "the backdrop shows it"),
     "B47": ("the volume is moved under a backdrop that follows", "the backdrop shows it"),
     "B48": ("a light is dimmed under a backdrop that follows", "the backdrop shows it"),
-    "B49": ("a clip object is moved under a backdrop that follows", "the backdrop shows it"),
+    "B49": ("a cutting object is moved under a backdrop that follows", "the backdrop shows it"),
     "B50": ("the mode or the quality is changed under a backdrop that follows", "the backdrop shows it"),
     "B51": ("the size of the render is changed under a backdrop that follows", "the backdrop has the new size"),
     "B52": ("a mesh is moved in front of a backdrop that follows", "the backdrop shows it"),
     # Switches: test_switches.py; B55 and B57: test_motion.py
-    "B53": ("Meshes Hide Volume, and Make Picture", "a mesh in front hides the volume as in renders"),
+    "B53": ("Meshes Hide Volume, and Render to Image", "a mesh in front hides the volume as in renders"),
     "B54": ("Meshes Hide Volume, and Shadow Pass", "a mesh in front hides the volume as in renders"),
-    "B55": ("motion blur", "Make Picture and renders show the same"),
+    "B55": ("motion blur", "Render to Image and renders show the same"),
     "B56": ("the Mist pass is switched on", "the picture stays the same"),
     "B57": ("motion blur beside handlers of other add-ons", "its poses do not run them"),
     # Import, and what an edit leaves behind: test_situations_edits.py, test_switches.py, test_transfer.py, test_vdb.py
     "B58": ("a name of a file speaks of big and little, but not of bytes", "the bytes decide"),
-    "B59": ("a clip object is added while its collection is excluded", "it gives a clear error, or the object is "
+    "B59": ("a cutting object is added while its collection is excluded", "it gives a clear error, or the object is "
             "added; nothing is left behind by halves"),
     "B60": ("a node of the transfer function was deleted", "every operator gives a clear error"),
     "B61": ("a VDB holds two grids of one name", "each can be read"),
@@ -113,7 +113,7 @@ SITUATIONS = {
             "report"),
     "B83": ("Remove from Camera View, in a window", "the picture is gone from the screen at once"),  # window.py
     "B84": ("Measure Accuracy ends, in a window", "the panel shows its rows at once"),  # window.py
-    "B85": ("Show in Camera View, where no view looks through the camera", "the report says so"),
+    "B85": ("Preview in Camera View, where no view looks through the camera", "the report says so"),
     # Renders: test_situations_renders.py
     "B86": ("EEVEE", "the volume is laid over the render as in Cycles"),
     "B87": ("Workbench", "the volume is laid over the render as in Cycles"),

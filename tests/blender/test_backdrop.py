@@ -1,4 +1,4 @@
-"""Show in Camera View: our picture fills the camera's frame exactly, the user's own background images stay.
+"""Preview in Camera View: our picture fills the camera's frame exactly, the user's own background images stay.
 
 How Blender draws a background image was measured in a window: with Stretch it fills the camera's frame for every
 shift, sensor fit and pixel aspect, with Fit it does not.  Here the settings that decide it are asserted.

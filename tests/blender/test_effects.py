@@ -102,10 +102,10 @@ def test_what_is_forced_is_kept_in_the_file_and_copied_with_the_scene(scene, tmp
 def test_the_panel_shows_a_row_with_an_override_for_each_effect(scene, bridge, monkeypatch):
     from tests.blender.test_panels import draw_all, texts
 
-    effects = bridge("data.effects").TEXTS
+    effects = bridge("data.effects")
     log = draw_all(monkeypatch)
-    for name in effects:
-        assert ("prop", name.replace(" ", "_")) in log and name in texts(log).lower()
+    for name in effects.TEXTS:
+        assert ("prop", name.replace(" ", "_")) in log and effects.title(name) in texts(log)
     picture(scene)
     shown = texts(draw_all(monkeypatch))
     assert f"On, {rows(scene)['shading'].ms:.1f} ms: diffuse" in shown and "Off: the scene has no meshes" in shown

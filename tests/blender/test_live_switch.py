@@ -186,7 +186,7 @@ def test_the_panel_has_the_switch_and_says_why_nothing_is_shown(volume_object, l
 
 
 def test_contents_equal_those_of_a_picture(volume_object, bridge, live):
-    """Everything but the view is read as Make Picture reads it."""
+    """Everything but the view is read as Render to Image reads it."""
     surface, render_scene = bridge("live.surface"), bridge("scene.render_scene")
     camera = bpy.data.objects.new("eye", bpy.data.cameras.new("eye"))
     bpy.context.scene.collection.objects.link(camera)

@@ -1,4 +1,4 @@
-"""Motion blur: poses read from keyframes are Blender's own, nothing else is touched by reading them, and Make Picture,
+"""Motion blur: poses read from keyframes are Blender's own, nothing else is touched by reading them, and images,
 a render and the list of effects agree on what is blurred and why not."""
 
 import math

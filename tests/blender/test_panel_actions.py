@@ -97,7 +97,7 @@ def test_the_tab_says_whether_what_is_shown_is_up_to_date(owner, monkeypatch):
     assert ("label", "Not shown in this viewport") in state_line(False, monkeypatch)
     owner.rle_splat.window_width *= 2.0
     log = state_line(False, monkeypatch)
-    assert ("operator", "rle_splat.render_image") in log and ("text", "Update") in log
+    assert ("operator", "rle_splat.render_image") in log and ("text", "Update Picture") in log
     assert any("Out of date" in str(value) for kind, value in log if kind == "label")
 
 
@@ -211,7 +211,7 @@ def test_clip_objects_are_flipped_and_deleted_by_name(owner, refused):
     assert not clip.rle_splat.clip_flipped
     clip.rle_splat.clip_flipped = True
     assert clip.rle_splat.clip_keep == "OUTSIDE"
-    refused(bpy.ops.rle_splat.delete_clip, "no clip object", name=owner.name)
+    refused(bpy.ops.rle_splat.delete_clip, "no cutting object", name=owner.name)
     assert bpy.ops.rle_splat.delete_clip(name=clip.name) == {"FINISHED"}
     assert [one.name for one in bpy.data.objects if one.rle_splat.is_volume] == [owner.name]
     assert not bpy.context.scene.rle_splat.clip_objects.objects
@@ -358,7 +358,7 @@ def test_the_cut_can_be_switched_off_and_a_box_fitted_again(owner, bridge):
 
 
 def test_fitting_needs_a_box(owner, refused):
-    refused(bpy.ops.rle_splat.fit_clip, "Add a clip box")
+    refused(bpy.ops.rle_splat.fit_clip, "Add a cut box")
 
 
 def test_segments_are_cleared(owner, refused):

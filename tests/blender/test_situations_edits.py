@@ -250,7 +250,7 @@ def test_B76_an_edit_before_a_picture(owner, name):
 
 
 def goes_on(tmp_path):
-    """The backdrop follows, renders show the volume, and Make Picture goes into the image of before."""
+    """The backdrop follows, renders show the volume, and Render to Image goes into the image of before."""
     scene = bpy.context.scene
     settings, camera = scene.rle_splat, scene.camera
     owner = scene.objects["cube"]

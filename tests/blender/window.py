@@ -89,7 +89,7 @@ def check_animation():
 
 
 def check_blurred_f12():
-    """A still that is rendered off the main thread is blurred as Make Picture is, and reading the motion fires no
+    """A still that is rendered off the main thread is blurred as Render to Image is, and reading the motion fires no
     frame-change handler."""
     scene = bpy.context.scene
     volume = next(other for other in bpy.data.objects if other.rle_splat.is_volume)

@@ -1,4 +1,4 @@
-"""Handles of clip boxes and planes in a real window, dragged by a mouse, and slices in each shading mode.
+"""Handles of cut boxes and planes in a real window, dragged by a mouse, and slices in each shading mode.
 dev.py test runs it; its photographs are to be looked at."""
 
 import tempfile

@@ -262,7 +262,7 @@ def check_glass():
 
 
 def check_equals_render_image():
-    """The refined picture is that of Make Picture through a camera with the same view, within one level."""
+    """The refined picture is that of Render to Image through a camera with the same view, within one level."""
     scene = bpy.context.scene
     region = region_of(area_of("VIEW_3D"), "WINDOW")
     scene.render.resolution_x, scene.render.resolution_y = region.width, region.height
@@ -283,7 +283,7 @@ def check_equals_render_image():
     whole = pixels_of(scene.rle_splat.image)
     left, top, right, bottom = (round(share * side) for share, side in zip(picture.place, 2 * whole.shape[1::-1]))
     levels = 255.0 * np.abs(whole[top:bottom, left:right] - picture.rgba)
-    print(f"against Make Picture: at most {levels.max():.3f} levels", flush=True)
+    print(f"against Render to Image: at most {levels.max():.3f} levels", flush=True)
     assert picture.rgba[..., 3].max() > 0.9 and levels.max() < 1.0
     assert whole[..., 3].sum() < picture.rgba[..., 3].sum() * 1.001, "the part leaves something out"
     space.overlay.show_overlays = True

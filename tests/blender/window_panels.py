@@ -88,7 +88,7 @@ def close_popup():
 
 
 def check_saved_picture():
-    """Make Picture opens an image editor with what it made."""
+    """Render to Image opens an image editor with what it made."""
     yield from new_file()
     with in_the_view():
         add_volume(folder())

@@ -153,7 +153,7 @@ def edited_by_a_script():
 
 
 def meshes_occlude():
-    """7: Make Picture obeys Meshes Hide Volume, as the backdrop and renders do."""
+    """7: Render to Image obeys Meshes Hide Volume, as the backdrop and renders do."""
     yield from scene_with_camera()
     add_ball("ball")
     plane = scenes.add_mesh([(-50, -50, 90), (20, -50, 90), (20, 90, 90), (-50, 90, 90)], [(0, 1, 2, 3)])
