@@ -2,9 +2,9 @@
 
 Viewports, slices and a backdrop that follows the scene ask for what a volume object shows now.  What is wanted stays in
 the queue until it is read, or until the object shows something else.  Slices in full and the backdrop come next.  When
-nothing is asked for, the next frame of one volume in time is read ahead.  During playback only frames are read that will
-be shown when they are there; those that come before are dropped.  Scripts and background mode do not wait for timers:
-they read at once.
+nothing is asked for, the next frame of one volume in time is read ahead.  During playback only frames are read that
+will be shown when they are there; those that come before are dropped.  Scripts and background mode do not wait for
+timers: they read at once.
 """
 
 import math

@@ -30,8 +30,8 @@ BINS, ROUNDS = 1024, 100  # of the histogram that the threshold is sought in, an
 CLIPPED = 0.5  # percent of the values at either end that do not count in the histogram
 REDUCED, FOUND = 0.4, 0.95  # shares of the time until voxels are larger, and until the body is found
 SAMPLES = 1 << 20  # voxels that are looked at
-# Share of the voxels shown that lie beside the body from which on these are hidden.  A head holder has 0.16 to 0.23, the
-# tables of two chests 0.007 to 0.32 by the preset; of one that has 0.0015 nothing is seen.
+# Share of the voxels shown that lie beside the body from which on these are hidden.  A head holder has 0.16 to 0.23,
+# the tables of two chests 0.007 to 0.32 by the preset; of one that has 0.0015 nothing is seen.
 LEAST_BESIDE = 0.006
 LEAST_SHOWN = 0.01  # opacity
 BODY = 1  # the label of the body
