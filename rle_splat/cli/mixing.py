@@ -11,12 +11,14 @@ from ..classify.transfer_function import TransferFunction
 from ..read.channels import MOST_CHANNELS, level_options, read_channel_steps
 from ..read.labels import TEXT_SUFFIXES, changes_with_time, read_label_steps, read_label_text
 from ..runtime.steps import drain
-from ..scene import Channel, RleSplatError, Scene
+from ..scene import Channel, Labels, RleSplatError, Scene
+from ..segment.body import hide_table_steps
 from ..segment.label_map import BACKGROUND, MOST_LABELS, value_steps
 from ..volume.volume import Volume
 from .options import volume_options
 
 LABEL_EDGES = ("smooth", "voxels")
+TABLE_HIDDEN = "What lies beside the body, such as a table, is hidden; --keep-table shows it."
 
 
 def add_mixing_options(parser) -> None:
@@ -48,6 +50,20 @@ def add_mixing_options(parser) -> None:
         help="the transfer function of a channel, a file or a preset; give one for each --channel, in the same order, "
         "or none for automatic ones",
     )  # fmt: skip
+    group.add_argument(
+        "--keep-table",
+        action="store_true",
+        help="show the table or the head holder of a CT. Without this, --labels or --transfer-function it is hidden if "
+        "at least 1.5 %% of the voxels shown lie beside the body",
+    )
+
+
+def hide_table(args, volume: Volume, function: TransferFunction, line) -> tuple[Labels | None, tuple[str, ...]]:
+    """Labels that hide what lies beside the body, and a sentence that says so; None and () where nothing is hidden."""
+    if args.keep_table or args.labels or args.transfer_function:
+        return None, ()
+    labels = line.follow(hide_table_steps(volume, function))
+    return labels, () if labels is None else (TABLE_HIDDEN,)
 
 
 def mixing_inputs(args) -> tuple:
