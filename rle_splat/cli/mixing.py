@@ -9,7 +9,7 @@ from ..classify.presets import PRESETS, fit_preset_steps
 from ..classify.transfer_files import fit_function
 from ..classify.transfer_function import TransferFunction
 from ..read.channels import MOST_CHANNELS, level_options, read_channel_steps
-from ..read.labels import TEXT_SUFFIXES, changes_with_time, read_label_steps, read_label_text
+from ..read.labels import TEXT_SUFFIXES, changes_with_time, read_label_steps, read_label_text, remarks_beside
 from ..runtime.steps import drain
 from ..scene import Channel, Labels, RleSplatError, Scene
 from ..segment.body import hide_table_steps
@@ -142,11 +142,7 @@ class Further:
     channels: tuple = ()
     channel_sources: tuple = ()
 
-    @property
-    def remarks(self) -> tuple[str, ...]:
-        """What was noticed about the files."""
-        read = (*(() if self.labels is None else (self.labels,)), *self.channels)
-        return tuple(remark for one in read for remark in one.remarks)
+    remarks: tuple[str, ...] = ()
 
 
 def read_further(args, volume, line) -> Further:
@@ -157,7 +153,9 @@ def read_further(args, volume, line) -> Further:
     sources = [(path, None) for path in args.channel] + (_file_channels(args, volume) if args.file_channels else [])
     found = [line.follow(read_channel_steps(path, volume, options)) for path, options in sources]
     again = ((path, options) for (path, _), (_, options) in zip(sources, found))
-    return Further(labels, tuple(channel for channel, _ in found), tuple(again))
+    remarks = () if labels is None else remarks_beside(labels, volume.frames if volume.frame_axis == "time" else 1)
+    remarks += tuple(remark for channel, _ in found for remark in channel.remarks)
+    return Further(labels, tuple(channel for channel, _ in found), tuple(again), remarks)
 
 
 def _file_channels(args, volume: Volume) -> list:
