@@ -70,8 +70,16 @@ def hide_table_steps(volume: Volume, transfer_function):
     shown = transfer_function.alpha_at(volume.physical(volume.voxels[every])) > LEAST_SHOWN
     if np.count_nonzero(shown & ~body[every]) < LEAST_BESIDE * max(np.count_nonzero(shown), 1):
         return None
-    found = replace(put_segment(empty_map(volume), BODY, body), named_labels=NAMES)
-    return Labels(found, {BACKGROUND: None})
+    return Labels(_map_of(volume, body), {BACKGROUND: None})
+
+
+def map_steps(volume: Volume):
+    """Generator of Progress: the label map of ``hide_table``, whatever is shown; RleSplatError without a body."""
+    return _map_of(volume, (yield from body_steps(volume)))
+
+
+def _map_of(volume: Volume, body) -> Volume:
+    return replace(put_segment(empty_map(volume), BODY, body), named_labels=NAMES)
 
 
 def body_steps(volume: Volume):

@@ -348,15 +348,31 @@ def test_frames_of_one_file_survive_a_reload(tmp_path, bridge):
     assert shown_at(bridge, owner, (2,)) == [2]
 
 
-def test_labels_of_fewer_frames_than_the_scan_are_said(tmp_path, capfd):
+@pytest.mark.parametrize("scan, organs, sentence", [
+    (3, 2, "has 2 volumes and the scan 3; beyond them the last one is shown"),
+    (2, 3, "has 3 volumes and the scan 2; the first 2 are shown"),
+    (1, 3, "has 3 volumes and the scan 1; the first is shown"), (3, 1, ""), (2, 2, ""),
+])  # fmt: skip
+def test_labels_of_another_number_of_frames_are_said(scan, organs, sentence, tmp_path, capfd, bridge):
+    """Each frame shows the labels of its own number, or else the last ones."""
     nibabel = pytest.importorskip("nibabel")
-    for name, frames in (("beat", 3), ("organs", 2)):
-        voxels = np.ones((N, N, N, frames), np.uint8)
-        nibabel.save(nibabel.Nifti1Image(voxels, np.eye(4)), tmp_path / f"{name}.nii.gz")
+    for name, frames in (("beat", scan), ("organs", organs)):
+        voxels = np.ones((N, N, N, frames), np.uint8) * np.arange(1, frames + 1, dtype=np.uint8)
+        image = nibabel.Nifti1Image(voxels if frames > 1 else voxels[..., 0], np.eye(4))
+        nibabel.save(image, tmp_path / f"{name}.nii.gz")
     assert bpy.ops.rle_splat.import_volume(filepath=str(tmp_path / "beat.nii.gz")) == {"FINISHED"}
-    bpy.context.view_layer.objects.active.rle_splat.label_file = str(tmp_path / "organs.nii.gz")
+    owner = bpy.context.view_layer.objects.active
+    owner.rle_splat.label_file = str(tmp_path / "organs.nii.gz")
     assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
-    assert "has 2 volumes and the scan 3; beyond them the last one is shown" in capfd.readouterr().out
+    said = capfd.readouterr().out
+    assert sentence in said and bool(sentence) == ("The label file has" in said)
+    shown = []
+    for frame in range(1, scan + 1):
+        bpy.context.scene.frame_set(frame)
+        volume, depsgraph = bridge("volumes.volumes").load_volume(owner), bpy.context.evaluated_depsgraph_get()
+        function = bridge("look.transfer").read_transfer(owner, depsgraph)
+        shown.append(int(bridge("volumes.labels").read_labels(owner, depsgraph, volume, function).volume.voxels.max()))
+    assert shown == [min(frame, organs) for frame in range(1, scan + 1)]
 
 
 @pytest.mark.parametrize("frames", [3, 1])
