@@ -71,9 +71,10 @@ class Subject:
 
 HEAD = dict(spacing=(1.0, 1.0, 2.0)), True
 ALONE = {}, False, True
+CT_HEAD = "cthead_256x256x113_uint16be.raw.gz"
 CHEST = "dicom_ct_chest_cta_512x512x95"
 SUBJECTS = {
-    "CT head": Subject("cthead_256x256x113_uint16be.raw.gz", "ct-skin", (215, 10), 0.95, *HEAD, True),
+    "CT head": Subject(CT_HEAD, "ct-skin", (215, 10), 0.95, *HEAD, True),
     "skull phantom": Subject("dicom_ct_skull_phantom_512x512x140", "ct-bone", (35, 15), 0.95, *ALONE),
     "chest angiography": Subject(CHEST, "ct-angiography", (20, 20), 1.0, *ALONE),
     "MR brain": Subject("mrbrain_256x256x99_uint8.raw.gz", "mr-brain", (160, 35), 0.95, *HEAD),
@@ -82,14 +83,14 @@ SUBJECTS = {
 }
 # Presets on scans of four modalities.
 PRESETS = {
-    "CT head: Bone": Subject("cthead_256x256x113_uint16be.raw.gz", "ct-bone", (215, 10), 0.95, *HEAD),
-    "CT head: Skin": Subject("cthead_256x256x113_uint16be.raw.gz", "ct-skin", (215, 10), 0.95, *HEAD),
-    "CT head: Skin and Bone": Subject("cthead_256x256x113_uint16be.raw.gz", "ct-skin-and-bone", (215, 10), 0.95, *HEAD),
-    "CT skull: Bone": Subject("dicom_ct_skull_phantom_512x512x140", "ct-bone", (35, 15), 0.95),
-    "CT chest: Angiography": Subject(CHEST, "ct-angiography", (20, 20)),
-    "CT chest: Heart": Subject(CHEST, "ct-heart", (20, 20)),
-    "CT chest: Soft Tissue": Subject(CHEST, "ct-soft-tissue", (20, 20)),
-    "CT chest: Lung": Subject(CHEST, "ct-lung", (20, 20)),
+    "CT head: Bone": Subject(CT_HEAD, "ct-bone", (215, 10), 0.95, *HEAD, True),
+    "CT head: Skin": Subject(CT_HEAD, "ct-skin", (215, 10), 0.95, *HEAD, True),
+    "CT head: Skin and Bone": Subject(CT_HEAD, "ct-skin-and-bone", (215, 10), 0.95, *HEAD, True),
+    "CT skull: Bone": Subject("dicom_ct_skull_phantom_512x512x140", "ct-bone", (35, 15), 0.95, *ALONE),
+    "CT chest: Angiography": Subject(CHEST, "ct-angiography", (20, 20), 1.0, *ALONE),
+    "CT chest: Heart": Subject(CHEST, "ct-heart", (20, 20), 1.0, *ALONE),
+    "CT chest: Soft Tissue": Subject(CHEST, "ct-soft-tissue", (20, 20), 1.0, *ALONE),
+    "CT chest: Lung": Subject(CHEST, "ct-lung", (20, 20), 1.0, *ALONE),
     "CT aorta: Angiography": Subject(
         "cta_aorta_labels/cta_heart_aorta_120x126x164_int16.nii.gz", "ct-angiography", (20, 10)
     ),

@@ -21,9 +21,8 @@ VOXEL = 2.0  # mm, the largest side of the voxels that the body is looked for in
 RADII = (8.0, 4.0, 2.0)  # mm, of the balls, the largest first
 ADULT = 200.0  # mm; lengths are smaller in the same ratio in a scan whose longest side is shorter
 ENOUGH = 0.75  # share of the largest body of all balls that the body of the chosen one has at least
-SHORT = (
-    80.0  # mm; up to this length what the ball cuts off is a nose, an ear or a thin wall, beyond it a table or cloths
-)
+# mm; what the ball cuts off is a nose, an ear or a thin wall up to this length, with the streaks of fillings.
+SHORT = 130.0
 SIDES = 3  # on so many of four sides in a slice what is inside the body has tissue
 LEAST_AIR = 0.002  # share of the voxels that must be outside of the body
 BINS, ROUNDS = 1024, 100  # of the histogram that the threshold is sought in, and of the search
@@ -31,7 +30,7 @@ CLIPPED = 0.5  # percent of the values at either end that do not count in the hi
 REDUCED, FOUND = 0.4, 0.95  # shares of the time until voxels are larger, and until the body is found
 SAMPLES = 1 << 20  # voxels that are looked at
 # Share of the voxels shown that lie beside the body from which on these are hidden.  A head holder has 0.16 to 0.23,
-# the tables of two chests 0.007 to 0.32 by the preset; of one that has 0.0015 nothing is seen.
+# tables of two chests have 0.007 to 0.32 by the preset; of one with 0.0015 nothing is seen.
 LEAST_BESIDE = 0.006
 LEAST_SHOWN = 0.01  # opacity
 BODY = 1  # the label of the body

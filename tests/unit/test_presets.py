@@ -73,6 +73,13 @@ def test_every_preset_is_sound(name):
     assert all(0.0 <= channel <= 1.0 for _, *rgb in function.color for channel in rgb)
 
 
+@pytest.mark.parametrize("name", [name for name in PRESETS if preset(name).shade is not None])
+def test_what_faces_the_lamp_is_not_burnt_white(name):
+    function = preset(name)
+    light, lit = function.shade, max(channel for _, *color in function.color for channel in color)
+    assert (light.ambient + light.diffuse) * lit + light.specular <= 1.2
+
+
 def test_an_unknown_preset_lists_those_there_are():
     with pytest.raises(RleSplatError, match=r"ct-bones.*ct-bone.*smoke"):
         preset("ct-bones")
