@@ -137,7 +137,7 @@ def scenario():
 
     began = time.perf_counter()
     with in_the_view():
-        assert bpy.ops.rle_splat.import_folder(directory=str(folder)) == {"FINISHED"}
+        assert bpy.ops.rle_splat.import_folder(directory=str(folder), hide_table=True) == {"FINISHED"}
     volume = bpy.context.view_layer.objects.active
     look_from(80.0, 25.0, 0.6)
     yield from settled()
@@ -147,7 +147,6 @@ def scenario():
     began = time.perf_counter()
     with in_the_view():
         assert bpy.ops.rle_splat.apply_preset(preset="ct-bone") == {"FINISHED"}
-        assert bpy.ops.rle_splat.remove_table() == {"FINISHED"}
         assert bpy.ops.rle_splat.change_segment(tool="GROW", length=GROW) == {"FINISHED"}
     volume.rle_splat.shift_by, volume.rle_splat.opacity_unit_distance = SHIFT, OPAQUE
     yield from wait_for_rest()
