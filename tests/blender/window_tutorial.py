@@ -36,7 +36,7 @@ from tests.blender.window_driver import (
 )
 
 SCAN = Path(__file__).parent / "data" / "scan"
-PANELS = ("display", "presets", "clip_objects", "slices", "picture", "whole_scene")  # that are open
+PANELS = ("display", "presets", "clip_objects", "slices", "picture", "shading")  # that are open
 SHIFT, GROW, OPAQUE = -100.0, 2.0, 0.05  # HU, mm, mm: thin walls are whole and opaque
 LEVEL, WINDOW = 750.0, 500.0  # HU, of the slice
 DOWN = 25  # turns of the wheel from the first panel to Cut, Slices and Render
