@@ -7,7 +7,7 @@ from ..bridge.volumes import encoded, labels, volumes
 from ..operators.change_segment import TOOLS
 from .places import OfVolume, paragraph
 
-NAME_SHARE = 0.62  # of a row's width that the segment's name takes
+NAME_SHARE = 0.75  # of a row's width that the segment's name takes
 SWATCH = 1.2  # width of a color, in buttons
 ROWS = 6
 NO_SEGMENTS = "Segments need the values of the scan, which a .rle file does not hold"

@@ -34,6 +34,7 @@ class ScanPanel:
             row = column.split(factor=0.32, align=True)
             row.label(text=name)
             row.label(text=value)
+        layout.prop(context.scene.rle_splat, "scene_scale")
         for sentence in filter(None, properties.remarks.split("\n")):
             paragraph(context, layout, sentence, icon="INFO")
 

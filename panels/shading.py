@@ -46,7 +46,7 @@ class RLE_SPLAT_PT_shading(OfVolume, bpy.types.Panel):
 
 
 def _draw_scene(scene, layout) -> None:
-    """What all volumes of the scene share: shadows and the light from all sides."""
+    """What all volumes of the scene share: shadows, the light from all sides and mist."""
     settings = scene.rle_splat
     has_shadows, is_lit = not settings.max_error or not is_pre_classified(settings), is_any_lit(scene)
     layout.label(text="Scene")
@@ -57,7 +57,8 @@ def _draw_scene(scene, layout) -> None:
     row.active = has_shadows
     row.prop(settings, "use_shadows")
     column.prop(settings.effect_overrides, effects.property_of(effects.SHADOWS_ON_MESHES), text="On Meshes")
-    column.prop(settings, "use_world")
+    for name in ("use_world", "use_mist"):
+        column.prop(settings, name)
     column = layout.column(align=True)
     column.use_property_split = False  # the longer name would be cut off
     row = column.row(align=True)

@@ -35,7 +35,7 @@ from tests.blender.window_driver import (
 )
 
 SCAN = Path(__file__).parent / "data" / "scan"
-PANELS = ("display", "presets", "clip_objects", "slices", "picture", "whole_scene")  # that are open
+PANELS = ("display", "presets", "clip_objects", "slices", "picture", "shading")  # that are open
 SHIFT, GROW, OPAQUE = -100.0, 2.0, 0.05  # HU, mm, mm: thin walls are whole and opaque
 DULL = 0.0, 0.75  # specular and diffuse: a cut that faces the headlight is not burnt white
 LEVEL, WINDOW = 750.0, 500.0  # HU, of the slice
@@ -125,7 +125,7 @@ def scenario():
 
     began = time.perf_counter()
     with in_the_view():
-        assert bpy.ops.rle_splat.import_folder(directory=str(folder)) == {"FINISHED"}
+        assert bpy.ops.rle_splat.import_folder(directory=str(folder), hide_table=True) == {"FINISHED"}
     volume = bpy.context.view_layer.objects.active
     look_from(80.0, 25.0, 0.6)
     yield from settled()
@@ -135,7 +135,6 @@ def scenario():
     began = time.perf_counter()
     with in_the_view():
         assert bpy.ops.rle_splat.apply_preset(preset="ct-bone") == {"FINISHED"}
-        assert bpy.ops.rle_splat.remove_table() == {"FINISHED"}
         assert bpy.ops.rle_splat.change_segment(tool="GROW", length=GROW) == {"FINISHED"}
     volume.rle_splat.shift_by, volume.rle_splat.opacity_unit_distance = SHIFT, OPAQUE
     yield from wait_for_rest()

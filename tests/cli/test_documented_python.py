@@ -38,12 +38,14 @@ def test_the_documented_example_runs(tmp_path, monkeypatch, capsys):
     )
     affine = np.diag((1.0, -2.0, 3.0, 1.0))
     rle_splat.write_volume(replace(volume, space="patient", affine=affine), tmp_path / "ct.nrrd")
+    rle_splat.write_volume(replace(volume, space="patient", affine=affine), tmp_path / "t1.nii.gz")
     monkeypatch.chdir(tmp_path)
     names = {}
     exec(compile(text, str(PAGE), "exec"), names)
     made = names["rendering"]
     assert made.rgba.shape == (SIDE, SIDE, 4) and made.rgba.dtype == np.float32 and made.depth.shape == (SIDE, SIDE)
     assert made.rgba[..., 3].max() > 0.5 and made.report["error"]["tolerance"] is None
-    np.testing.assert_allclose(names["of_image"].affine, affine)
-    np.testing.assert_array_equal(names["of_image"].voxels, volume.voxels)
+    for name in ("of_image", "of_nifti"):
+        np.testing.assert_allclose(names[name].affine, affine)
+        np.testing.assert_array_equal(names[name].voxels, volume.voxels)
     assert "100% Done" in capsys.readouterr().out
