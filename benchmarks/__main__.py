@@ -25,6 +25,7 @@ from . import (
     systems,
     tolerance,
     turn,
+    walls,
 )
 
 BENCHMARKS = {
@@ -34,6 +35,7 @@ BENCHMARKS = {
     "effects": effects.main, "presets": presets.main, "plans": plans.main,
     "reading": reading.main, "beyond-memory": beyond_memory.main, "labels": labels.main,
     "large-picture": large_picture.main, "light": light.main, "ripple": ripple.main, "history": history.main,
+    "walls": walls.main,
 }  # fmt: skip
 
 

@@ -28,7 +28,7 @@ from rle_splat.scene import Quality
 from .accuracy import fill
 from .data_sets import PAPER
 from .engine_words import NOTES, header, line, markdown, ratios
-from .frames import VIEWS, frame_ms, moved_scenes, quickest_call, view_scene
+from .frames import VIEWS, frame_ms, moved_scenes, quickest_call, time_by_processor, view_scene
 from .peers import PEERS, Peer
 from .run import Run, make_parser
 from .scenes import REAL, scenes
@@ -195,7 +195,7 @@ def main(arguments) -> int:
         "dev.py bench engine", __doc__, volume={"choices": names}, views=len(VIEWS), repeats=REPEATS, probes=PROBES,
         quality={"choices": QUALITIES, "default": QUALITIES},
         size={"nargs": "*", "default": [512], "help": "pixels a side, one table each"},
-        threads={"nargs": "*", "default": [2], "help": "one table each"},
+        threads={"nargs": "*", "default": [2], "help": "one table each; 1 alone is timed by the processor"},
     )  # fmt: skip
     parser.add_argument(
         "--presets", action="store_true", help="use presets instead of bench paper's data sets and transfer functions"
@@ -206,6 +206,8 @@ def main(arguments) -> int:
     parser.add_argument("--write-docs", metavar="NAME", help="write the table into the block NAME of the page")
     options = parser.parse_args(arguments)
     peers = [PEERS[name] for name in options.peers]
+    if options.threads == [1]:
+        time_by_processor()
     for peer in {peer.problem: peer for peer in reversed(peers) if peer.problem}.values():
         print(f"{peer.name} is not installed ({peer.problem}); run {peer.remedy}")
     key = ("volume", "quality", "size", "threads", "perspective", "shaded")

@@ -14,8 +14,8 @@ COLUMNS = (
 TRUTHS = ("t1", "t2")
 NOTES = """
 whole = the whole call for a moved camera, measured from outside; ratios are of these. frame = splat + warp + rays of
-it. VTK: vtkFixedPointVolumeRayCastMapper, one or four samples per voxel; its frame is the ray casting only. It gives
-voxels without a gradient only ambient light, so with shading its time is compared but not its error. VolPack: its frame
+it. VTK: vtkFixedPointVolumeRayCastMapper, one or four samples per voxel; its frame is its whole. It gives voxels
+without a gradient only ambient light, so with shading its time is compared but not its error. VolPack: its frame
 is vpRenderClassifiedVolume, always on one thread, 8 bits; its whole has the table of lit colors, too; encode is
 vpClassifyVolume, three axes. "VolPack" uses the thresholds that its manual suggests: voxels of opacity 0.05 or less are
 skipped, pixels end at 0.95. "VolPack, all" keeps all voxels and ends pixels where paper-like does. It supports parallel

@@ -11,8 +11,9 @@ from dataclasses import replace
 import numpy as np
 
 from rle_splat.classify.transfer_function import Shade, TransferFunction
-from rle_splat.pipeline.render import render
+from rle_splat.pipeline.fitting import fitting_steps
 from rle_splat.pipeline.stage_cache import StageCache
+from rle_splat.runtime.steps import drain
 from rle_splat.scene import Labels, Quality
 from rle_splat.volume.volume import Volume
 
@@ -55,11 +56,14 @@ def colored(labels: Volume, count: int) -> Labels:
     return Labels(labels, {n: replace(FUNCTION, color=((0.0, *map(float, c)),)) for n, c in enumerate(colors, 1)})
 
 
-def seconds(scan: Volume, labels: Labels | None, lit: bool, quality: str, size: int, azimuth: float, cache) -> float:
-    """Seconds of the processor for a picture."""
+def seconds(
+    scan: Volume, labels: Labels | None, lit: bool, quality: str, size: int, azimuth: float, cache, halvings: int = 0
+) -> float:
+    """Seconds of the processor for a picture; ``halvings``: of the voxels and of the pixels along each side."""
+    size >>= halvings
     scene = replace(view_scene(scan, FUNCTION, (azimuth, 20.0), size, shaded=lit), labels=labels)
     began = time.process_time()
-    render(scene, Quality.preset(quality, threads=1), cache=cache)
+    drain(fitting_steps(scene, Quality.preset(quality, threads=1), cache, halvings, is_draft=True))
     return time.process_time() - began
 
 
@@ -90,20 +94,20 @@ def read_again(volume: Volume) -> Volume:
 
 
 def time_rows(run: Run, options) -> None:
-    """Two rounds of a scan in time, by what it has for labels."""
+    """Two rounds of a scan in time, by what it has for labels: as it is, and as playback draws it when slow."""
     scans = [make_scan(options.side, SHIFT * n, TIMES) for n in range(TIMES)]
     maps = [colored(make_labels(scan, ORGANS, SHIFT * n, 0.16), ORGANS) for n, scan in enumerate(scans)]
     kinds = {"without labels": [None] * TIMES, "one map": maps[:1] * TIMES, "a map each": maps}
-    caches = {(kind, lit): StageCache() for kind in kinds for lit in (False, True)}
+    caches = {(kind, lit, half): StageCache() for kind in kinds for lit in (False, True) for half in (0, 1)}
     taken = {case: [] for case in caches}
     for n in (*range(TIMES), *range(TIMES)):
-        for (kind, lit), cache in caches.items():
+        for (kind, lit, half), cache in caches.items():
             scan, labels = read_again(scans[n]), kinds[kind][n]
             labels = labels and replace(labels, volume=read_again(labels.volume))
-            taken[kind, lit].append(seconds(scan, labels, lit, "draft", options.size, 35.0, cache))
-    for (kind, lit), all_frames in taken.items():
+            taken[kind, lit, half].append(seconds(scan, labels, lit, "draft", options.size, 35.0, cache, half))
+    for (kind, lit, half), all_frames in taken.items():
         for name, frames in (("first round", all_frames[1:TIMES]), ("second round", all_frames[TIMES:])):
-            add_row(run, f"{kind}, {name}", lit, frames)
+            add_row(run, f"{kind}, {name}{', half as many voxels along each side' if half else ''}", lit, frames)
 
 
 def main(arguments) -> int:

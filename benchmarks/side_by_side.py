@@ -5,6 +5,7 @@ Each program draws in the environment that has it, and keeps its pictures; then 
     .venvs/bpy-5.2/bin/python -m benchmarks.side_by_side cycles --seconds 60
     .venv/bin/python -m benchmarks.side_by_side ours
     .venvs/bench/bin/python -m benchmarks.side_by_side vtk
+    .venvs/bench/bin/python -m benchmarks.side_by_side vtk-smoothed
     .venvs/bench/bin/python -m benchmarks.side_by_side join sheet.jpg
 
     .venvs/bench/bin/python -m benchmarks.side_by_side presets sheet.jpg
@@ -12,8 +13,9 @@ Each program draws in the environment that has it, and keeps its pictures; then 
 makes a sheet of presets on scans of four modalities, ``crops`` one of parts of the joined pictures, twice as large.
 The column *before* is drawn with this file, benchmarks/lamps.py and the scans in the tree of an earlier commit.
 Camera, transfer function and sun are the same.  Ours has shadows and ambient occlusion, at ``fine``.  VTK has four
-samples per voxel, no shadows, and no light but the sun and what its material adds.  Cycles scatters light in a
-Principled Volume of the unlit colors; its picture is made as bright as ours, by one factor.  Seconds are of the
+samples per voxel, no shadows, and no light but the sun and what its material adds.  It takes normals of no volume but
+that which it shows, so ``vtk-smoothed`` shows what our normals are made of: values, smoothed.  Cycles scatters light in
+a Principled Volume of the unlit colors; its picture is made as bright as ours, by one factor.  Seconds are of the
 processor, one thread, from the voxels in memory on, kernels loaded.
 """
 
@@ -44,7 +46,7 @@ SIZE, SAMPLES, BOUNCES, PILOT = 360, 4, 4, 4  # pixels, VTK's samples per voxel,
 WORLD, OCCLUSION = 0.15, 0.8
 LAMP = (0.55, -0.6, -0.58)  # where the sun shines to, in the camera's axes: from above, on the left
 ENERGY = 3.2
-TITLE, LETTERS = 1 / 11, 1 / 16  # height of the room above each picture, and of its letters, in sides of it
+TITLE, LETTERS = 1 / 14, 1 / 23  # height of the room above each picture, and of its letters, in sides of it
 BRIGHT = 0.9  # quantile of what is seen that is made equal
 
 NUCLEI = TransferFunction(
@@ -55,8 +57,8 @@ NUCLEI = TransferFunction(
 
 @dataclass(frozen=True)
 class Subject:
-    """A scan: its file, its preset or transfer function, azimuth and elevation, the view's fit, how it is read, and
-    whether its first slice is on top, so that it is turned about X."""
+    """A scan: its file, its preset or transfer function, azimuth and elevation, the view's fit, how it is read, whether
+    its first slice is on top, so that it is turned about X, and whether what lies beside the body is left out."""
 
     file: str
     function: str | TransferFunction
@@ -64,28 +66,31 @@ class Subject:
     fit: float = 1.1
     options: dict = field(default_factory=dict)
     turned: bool = False
+    alone: bool = False
 
 
 HEAD = dict(spacing=(1.0, 1.0, 2.0)), True
+ALONE = {}, False, True
+CT_HEAD = "cthead_256x256x113_uint16be.raw.gz"
 CHEST = "dicom_ct_chest_cta_512x512x95"
 SUBJECTS = {
-    "CT head": Subject("cthead_256x256x113_uint16be.raw.gz", "ct-skin", (215, 10), 0.95, *HEAD),
-    "skull phantom": Subject("dicom_ct_skull_phantom_512x512x140", "ct-bone", (35, 15), 0.95),
-    "chest angiography": Subject(CHEST, "ct-angiography", (20, 20), 1.0),
+    "CT head": Subject(CT_HEAD, "ct-skin", (215, 10), 0.95, *HEAD, True),
+    "skull phantom": Subject("dicom_ct_skull_phantom_512x512x140", "ct-bone", (35, 15), 0.95, *ALONE),
+    "chest angiography": Subject(CHEST, "ct-angiography", (20, 20), 1.0, *ALONE),
     "MR brain": Subject("mrbrain_256x256x99_uint8.raw.gz", "mr-brain", (160, 35), 0.95, *HEAD),
     "nuclei": Subject("fluorescence/nuclei_256x256x60_uint16.tif", NUCLEI, (20, 55), 1.0),
     "smoke": Subject("smoke_fog.vdb", "smoke", (30, 5), 1.05),
 }
 # Presets on scans of four modalities.
 PRESETS = {
-    "CT head: Bone": Subject("cthead_256x256x113_uint16be.raw.gz", "ct-bone", (215, 10), 0.95, *HEAD),
-    "CT head: Skin": Subject("cthead_256x256x113_uint16be.raw.gz", "ct-skin", (215, 10), 0.95, *HEAD),
-    "CT head: Skin and Bone": Subject("cthead_256x256x113_uint16be.raw.gz", "ct-skin-and-bone", (215, 10), 0.95, *HEAD),
-    "CT skull: Bone": Subject("dicom_ct_skull_phantom_512x512x140", "ct-bone", (35, 15), 0.95),
-    "CT chest: Angiography": Subject(CHEST, "ct-angiography", (20, 20)),
-    "CT chest: Heart": Subject(CHEST, "ct-heart", (20, 20)),
-    "CT chest: Soft Tissue": Subject(CHEST, "ct-soft-tissue", (20, 20)),
-    "CT chest: Lung": Subject(CHEST, "ct-lung", (20, 20)),
+    "CT head: Bone": Subject(CT_HEAD, "ct-bone", (215, 10), 0.95, *HEAD, True),
+    "CT head: Skin": Subject(CT_HEAD, "ct-skin", (215, 10), 0.95, *HEAD, True),
+    "CT head: Skin and Bone": Subject(CT_HEAD, "ct-skin-and-bone", (215, 10), 0.95, *HEAD, True),
+    "CT skull: Bone": Subject("dicom_ct_skull_phantom_512x512x140", "ct-bone", (35, 15), 0.95, *ALONE),
+    "CT chest: Angiography": Subject(CHEST, "ct-angiography", (20, 20), 1.0, *ALONE),
+    "CT chest: Heart": Subject(CHEST, "ct-heart", (20, 20), 1.0, *ALONE),
+    "CT chest: Soft Tissue": Subject(CHEST, "ct-soft-tissue", (20, 20), 1.0, *ALONE),
+    "CT chest: Lung": Subject(CHEST, "ct-lung", (20, 20), 1.0, *ALONE),
     "CT aorta: Angiography": Subject(
         "cta_aorta_labels/cta_heart_aorta_120x126x164_int16.nii.gz", "ct-angiography", (20, 10)
     ),
@@ -103,15 +108,17 @@ CROPS = {  # part -> subject, left, top
     "crown": ("CT head", 150, 5), "temple": ("CT head", 90, 90), "skull": ("skull phantom", 110, 60),
     "rib": ("chest angiography", 230, 120), "heart": ("chest angiography", 80, 110), "gyrus": ("MR brain", 60, 90),
 }  # fmt: skip
-PROGRAMS = "before", "ours", "vtk", "cycles"
+PROGRAMS = "before", "ours", "vtk", "vtk-smoothed", "cycles"
 
 
 def read(subject: Subject) -> Volume:
-    """The subject's volume; an OpenVDB file as Cycles' turn has kept it."""
+    """The subject's volume; an OpenVDB file as Cycles' turn has kept it, and a body as the first program's has."""
     path = DATA / subject.file
     if path.suffix != ".vdb":
         volume = read_volume(path, **subject.options)
-        return replace(volume, voxels=np.ascontiguousarray(volume.voxels[::-1, ::-1])) if subject.turned else volume
+        if subject.turned:
+            volume = replace(volume, voxels=np.ascontiguousarray(volume.voxels[::-1, ::-1]))
+        return _alone(volume, FOLDER / f"{path.name}.body.npy") if subject.alone else volume
     kept = FOLDER / "smoke.npz"
     if not kept.exists():
         volume = read_volume(path)
@@ -119,6 +126,15 @@ def read(subject: Subject) -> Volume:
         np.savez(kept, voxels=upright, affine=np.diag((*volume.spacing[[0, 2, 1]], 1.0)))
     with np.load(kept) as found:
         return Volume(found["voxels"], found["affine"])
+
+
+def _alone(volume: Volume, kept: Path) -> Volume:
+    """The volume with its lowest value wherever its body, which is kept in a file, is not."""
+    if not kept.exists():
+        from rle_splat.segment.body import body_steps
+
+        np.save(kept, drain(body_steps(volume)))
+    return replace(volume, voxels=np.where(np.load(kept), volume.voxels, volume.voxels.min()))
 
 
 def scene_of(subject: Subject, size: int) -> Scene:
@@ -155,6 +171,16 @@ def draw_vtk(scene: Scene, _) -> tuple:
     spent = time.process_time() - began
     caster.close()
     return rgba, spent
+
+
+def draw_vtk_smoothed(scene: Scene, _) -> tuple:
+    """(rgba, seconds): as ``draw_vtk``, of the values that our normals are made of; without the time of smoothing."""
+    from rle_splat.accuracy.light_normals import automatic_sigma, smooth
+
+    volume, sigma = scene.volume, scene.transfer_function.shade.smoothness
+    sigma = automatic_sigma(volume.affine) if sigma is None else sigma
+    smoothed = smooth(volume.voxels.astype(np.float64), sigma, volume.spacing).astype(np.float32)
+    return draw_vtk(replace(scene, volume=replace(volume, voxels=smoothed)), _)
 
 
 def draw_cycles(scene: Scene, seconds: float) -> tuple:
@@ -250,8 +276,12 @@ def _place(bpy, scene: Scene) -> None:
     blender.world.node_tree.nodes["Background"].inputs["Color"].default_value = (*scene.world, 1.0)
 
 
-DRAW = {"before": draw_ours, "ours": draw_ours, "vtk": draw_vtk, "cycles": draw_cycles}
-TITLES = {"before": "before", "ours": "RLE Splat", "vtk": "VTK", "cycles": "Cycles"}
+DRAW = {
+    "before": draw_ours, "ours": draw_ours, "vtk": draw_vtk, "vtk-smoothed": draw_vtk_smoothed, "cycles": draw_cycles,
+}  # fmt: skip
+TITLES = {
+    "before": "before", "ours": "RLE Splat", "vtk": "VTK", "vtk-smoothed": "VTK, smoothed", "cycles": "Cycles",
+}  # fmt: skip
 
 
 def draw(program: str, names, seconds: float, size: int) -> None:

@@ -12,7 +12,6 @@ row is the lowest; smaller z is in front; opacities are corrected for oblique ra
 from __future__ import annotations
 
 import ctypes
-import time
 from functools import lru_cache
 
 import numpy as np
@@ -22,6 +21,7 @@ from rle_splat.scene import RleSplatError, Scene
 from rle_splat.view.projection import depth_row, world_to_pixel
 from rle_splat.volume.gradient import unit_normals
 
+from .frames import seconds
 from .spent import Spent
 
 LIBRARY, PACKAGE = "libvolpack.so.1", "libvolpack1"
@@ -128,15 +128,15 @@ class VolpackCaster:
         image = np.zeros((scene.height, scene.width, 4), np.uint8)
         spent = []
         for _ in range(repeats + 1):
-            began = time.perf_counter()
+            began = seconds()
             if self._shade:
                 self._light(ahead)
             self._call("vpCurrentMatrix", VIEW)
             self._call("vpSetMatrix", self._to_clip(scene))
             self._call("vpSetImage", image, scene.width, scene.height, 4 * scene.width, RGBA)
-            ready = time.perf_counter()
+            ready = seconds()
             self._call("vpRenderClassifiedVolume")
-            done = time.perf_counter()
+            done = seconds()
             spent.append(Spent(1e3 * (done - began), 1e3 * (done - ready)))
         return image[::-1].astype(np.float32) / 255.0, min(spent[1:])  # the first one allocates the sheet
 
@@ -178,9 +178,9 @@ class VolpackCaster:
             return
         codes = np.arange(len(self._opacities)) / LARGEST_OPACITY
         self._opacities[1:] = 1.0 - (1.0 - codes[1:]) ** exponent + HALF
-        began = time.perf_counter()
+        began = seconds()
         self._call("vpClassifyVolume")
-        self.classify_ms, self._exponent = 1e3 * (time.perf_counter() - began), exponent
+        self.classify_ms, self._exponent = 1e3 * (seconds() - began), exponent
 
     def _light(self, ahead) -> None:
         """Fill the color table for a headlight that shines along ``ahead``, with the truths' shading of each normal."""

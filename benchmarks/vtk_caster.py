@@ -7,12 +7,11 @@ its truth is T2.  The package vtk is installed only in the benchmarks' environme
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 
 from rle_splat.scene import Scene
 
+from .frames import seconds
 from .spent import Spent
 
 try:
@@ -110,22 +109,21 @@ class VtkCaster:
         rgba : ndarray, shape (height, width, 4), float32
             Premultiplied picture, row 0 on top.
         spent : Spent
-            Of the fastest picture: its frame is the ray casting, by the mapper's own clock, without the transfer to the
-            window.
+            Of the fastest picture: its frame is the whole, with the transfer to the window.
         """
         self._window.SetSize(scene.width, scene.height)
         self._aim(scene)
         self._window.Render()  # computes gradients and resizes; not timed
         spent = []
         for _ in range(repeats):
-            began = time.perf_counter()
+            began = seconds()
             self._renderer.GetActiveCamera().Modified()
             self._window.Render()
-            spent.append(Spent(1e3 * (time.perf_counter() - began), 1e3 * self._mapper.GetTimeToDraw()))
+            spent.append(1e3 * (seconds() - began))
         pixels = vtk.vtkFloatArray()
         self._window.GetRGBAPixelData(0, 0, scene.width - 1, scene.height - 1, 1, pixels)
         rgba = vtk_to_numpy(pixels).reshape(scene.height, scene.width, 4)
-        return np.ascontiguousarray(rgba[::-1]), min(spent)
+        return np.ascontiguousarray(rgba[::-1]), Spent(min(spent), min(spent))
 
     def close(self) -> None:
         """Free the window's memory."""

@@ -20,7 +20,7 @@ NEWEST = f"bpy {list(BPY)[-1]}"
 # The table's rows, with the stages of each; the last one takes the others.
 ROWS = {
     "windows of a real Blender": r"real blender.*|photographs", "the newest Blender's module": re.escape(NEWEST),
-    "older ones": "bpy .*", "`unit`": "core, unit.*", "`truths`": "core, truths",
+    "older ones": "bpy .*", "`unit`": "core, unit", "`truths`": "core, truths",
     "`stability`": "hard cases|catalogue", "`effects`": "core, effects", "all others": "core, .*|VTK.*|Dask",
 }  # fmt: skip
 MAKING, WHOLE = "kernels, environments, Blender, zips", "the whole command"

@@ -40,15 +40,21 @@ NOTHING, MADE_KERNELS, EVERYTHING = "nothing", "kernels", "everything"  # what a
 # What the core's folders wait for; others wait for kernels.
 AFTER = {"read": NOTHING, "project": NOTHING} | dict.fromkeys(WANT_BLENDER, EVERYTHING)
 
-# Files of tests/unit that call no kernel of a package: they run while those are compiled.
+# Files that call no kernel of a package: they run while those are compiled.
 WITHOUT_KERNELS = tuple(
-    TESTS_FOLDER / "unit" / f"test_{name}.py"
-    for name in (
-        "contrast", "gallery", "guess_byte_order", "kernel_cache", "larger_voxels", "presets", "shipped_kernels",
-        "view",
-    )
-)  # fmt: skip
-WITHOUT_KERNELS_STAGE = "core, unit without kernels"
+    TESTS_FOLDER / folder / f"test_{name}.py"
+    for folder, names in {
+        "unit": "body buffer_pool contrast gallery guess_byte_order kernel_cache larger_voxels lookup_table"
+        " presets read_raw segment_masks shipped_kernels view",
+        "cli": "bad_medical_files frames light_options",
+        "truths": "metrics oracle several truths",
+        "benchmarks": "data_sets help history",
+        "effects": "ray_ends",
+        "planner": "choosing",
+    }.items()
+    for name in names.split()
+)
+WITHOUT_KERNELS_STAGE = "core, without kernels"
 
 # Threads of small pictures and matrices, which most tests make, wait for each other longer than they work.  Those of
 # the first layer sleep meanwhile: 360 pictures of 32 x 32 pixels took 2.3 s of processor time, and 20.6 s with TBB,
@@ -263,7 +269,8 @@ def parts(options=(), quick: bool = False, everywhere: bool = False) -> dict[str
         # It waits because it compares its pictures with those of Blender's Pythons.
         found["hard-cases"] = Part(lambda ready, aside: _hard_cases([*_leave_out(*slow), *options], aside, whole))
     found |= {f"core-{folder}": core(folder) for folder in core_folders() if folder in QUICK or not quick}
-    words = [*WITHOUT_KERNELS, *_leave_out(*slow, EXTRAS), *options]
+    files = [path for path in WITHOUT_KERNELS if path.parent.name in QUICK or not quick]
+    words = [*files, *_leave_out(*slow, EXTRAS), *options]
     found["core-without-kernels"] = Part(
         lambda ready, aside, words=words: [_core(words, WITHOUT_KERNELS_STAGE, aside)], after=NOTHING
     )

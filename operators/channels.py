@@ -85,7 +85,7 @@ class RLE_SPLAT_OT_import_channel(ImportsVolumes, bpy.types.Operator, ImportHelp
         return {"RUNNING_MODAL"}
 
     def draw(self, _context):
-        self.layout.prop(self, "preset", text="Preset")
+        pass  # nothing is asked for but the file
 
     def paths(self) -> list[str]:
         return [bpy.path.abspath(self.filepath)] if self.filepath else []

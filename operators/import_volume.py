@@ -97,7 +97,9 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
     guesses: tuple = ()  # warnings about files whose layout was guessed
     is_channel = False  # whether the volumes are added to the picture of another one
 
-    preset: EnumProperty(name="Transfer Function", description="Initial colors and opacities", items=IMPORT_ITEMS)
+    preset: EnumProperty(
+        name="Transfer Function", description="Initial colors and opacities", items=IMPORT_ITEMS, options={"SKIP_SAVE"}
+    )
     at_cursor: BoolProperty(
         name="Center at Cursor", description="Place the center of the volume at the 3D cursor instead of keeping the "
         "coordinates of the file", default=False)  # fmt: skip
@@ -340,7 +342,6 @@ class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelpe
         layout.prop(self, "value_unit")
         source_options.draw_calibration(layout, self)
         layout.separator()
-        layout.prop(self, "preset", text="Preset")
         self._draw_placing(layout)
 
     def _kind(self, paths):
@@ -397,7 +398,6 @@ class RLE_SPLAT_OT_import_folder(ImportsVolumes, bpy.types.Operator):
         layout.use_property_decorate = False
         source_options.draw_spacing(layout, self)
         layout.prop(self, "modality")
-        layout.prop(self, "preset", text="Preset")
         self._draw_placing(layout)
 
 

@@ -5,8 +5,9 @@ from bpy.props import BoolProperty, EnumProperty
 
 from ..bridge.data.settings import tolerance_of
 from ..bridge.held import Held
+from ..bridge.loop import work
 from ..bridge.loop.jobs import StepwiseOperator
-from ..bridge.pictures import backdrop, live_backdrop, outdated, pictures
+from ..bridge.pictures import backdrop, outdated, pictures
 from ..bridge.pictures.canvas import ProgressImage, redraw
 from ..bridge.scene import render_scene
 from ..bridge.volumes import volumes
@@ -38,7 +39,7 @@ class RLE_SPLAT_OT_set_backdrop(StepwiseOperator, bpy.types.Operator):
         return super().invoke(context, event)
 
     def prepare(self, context):
-        live_backdrop.stop()
+        work.drop(work.BACKDROP)
         scene = context.scene
         settings, camera, volume_object = scene.rle_splat, scene.camera, volumes.volume_object(context)
         self._place = settings.backdrop_depth if self.place == "SCENE" else self.place
@@ -49,23 +50,27 @@ class RLE_SPLAT_OT_set_backdrop(StepwiseOperator, bpy.types.Operator):
             volume_object, evaluated(context, volume_object), with_meshes=with_meshes,
             warn=lambda sentence: self.report({"WARNING"}, sentence))  # fmt: skip
         self._canvas = ProgressImage(self._scene, self._volume, "backdrop", self._camera)
-        self._earlier = backdrop.state(scene, camera)
+        self._has_entry = backdrop.find(scene, camera) is not None
+        self._shows_images = camera.data.show_background_images
         tolerance = tolerance_of(scene)
         self._made_from = outdated.made_of(plain, quality, tolerance, with_meshes)
         return render_scene.steps(plain, quality, tolerance=tolerance, drafts=self.was_in_window)
 
     def show_draft(self, context, rendering):
-        backdrop.show(self._camera.get(), self._canvas.show(rendering.rgba), self._place)
+        image = self._canvas.show(rendering.rgba)
+        if not self._has_entry:
+            backdrop.show(self._camera.get(), image, self._place)
 
     def put_back(self, context):
         scene, camera = self._scene.find(), self._camera.find()
-        if scene is not None and camera is not None:
-            backdrop.restore(scene, camera, self._earlier)
+        if scene is not None and camera is not None and not self._has_entry:
+            backdrop.hide(scene, camera)
+            camera.data.show_background_images = self._shows_images
         self._canvas.put_back()
 
     def commit(self, context, rendering):
         scene, volume_object, camera = self._scene.get(), self._volume.get(), self._camera.get()
-        self.is_new = backdrop.find(scene, camera) is None
+        self.is_new = not self._has_entry
         image, depth_image = pictures.keep(
             scene, volume_object, rendering.rgba, rendering.depth, kind="backdrop", camera=camera
         )
@@ -95,7 +100,7 @@ class RLE_SPLAT_OT_remove_backdrop(bpy.types.Operator):
         return needs(cls, is_shown, "The active camera shows no picture of a volume")
 
     def execute(self, context):
-        live_backdrop.stop()
+        work.drop(work.BACKDROP)
         backdrop.hide(context.scene, context.scene.camera)
         context.scene.rle_splat.backdrop_object = None
         redraw(context)

@@ -2,7 +2,8 @@
 
 import bpy
 
-from ..bridge.volumes import encoded, volumes
+from ..bridge.look import preset_entries
+from ..bridge.volumes import encoded, labels, volumes
 from ..operators.change_segment import TOOLS
 from .places import OfVolume, paragraph
 
@@ -45,6 +46,21 @@ class RLE_SPLAT_MT_segments(bpy.types.Menu):
         layout.operator("rle_splat.export_segments", text="Export Segments…", icon="EXPORT")
 
 
+class RLE_SPLAT_MT_label_functions(bpy.types.Menu):
+    bl_label = "Transfer Function"
+
+    @classmethod
+    def poll(cls, context):
+        owner = volumes.volume_object(context)
+        return owner is not None and owner.rle_splat.active_label < len(owner.rle_splat.labels)
+
+    def draw(self, context):
+        properties = volumes.volume_object(context).rle_splat
+        for name, *_ in labels.FUNCTION_ITEMS:
+            if preset_entries.is_offered(name, properties):
+                self.layout.prop_enum(properties.labels[properties.active_label], "look", name)
+
+
 class RLE_SPLAT_PT_labels(OfVolume, bpy.types.Panel):
     bl_label = "Segments"
     bl_order = 5
@@ -73,6 +89,7 @@ class RLE_SPLAT_PT_labels(OfVolume, bpy.types.Panel):
             row = layout.split(factor=ALONE_SHARE, align=True)
             row.operator("rle_splat.solo_label", text="Show Alone", icon="SOLO_ON").label = chosen.label
             row.operator("rle_splat.color_anatomy")
-            layout.prop(chosen, "look", text="")
+            label = next(label for name, label, _ in labels.FUNCTION_ITEMS if name == chosen.look)
+            layout.menu(RLE_SPLAT_MT_label_functions.__name__, text=label)
             layout.prop(chosen, "use_color")
         layout.prop(properties, "smooth_labels")

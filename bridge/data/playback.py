@@ -42,6 +42,22 @@ class Playback:
         "backward", default=1.0, precision=3)  # fmt: skip
 
 
+def is_playing() -> bool:
+    """Whether the user plays the animation."""
+    return any(window.screen.is_animation_playing for window in bpy.context.window_manager.windows)
+
+
+def frames_until(scene, ahead: int) -> int:
+    """How far from the current frame playback is after some more frames, in a round from the first to the last one."""
+    first, last = scene.frame_start, scene.frame_end
+    if scene.use_preview_range:
+        first, last = scene.frame_preview_start, scene.frame_preview_end
+    later = min(scene.frame_current, last) + ahead
+    if later > last or later < first <= scene.frame_current:
+        later = first + (later - first) % max(last - first + 1, 1)
+    return later - scene.frame_current
+
+
 def curves_of(datablock) -> list:
     """The F-curves of the action that a datablock uses, of its own slot; [] without an action."""
     data = datablock.animation_data
@@ -63,7 +79,7 @@ def shown_frame(owner, depsgraph=None, ahead: int = 0) -> int:
     """
     properties = owner.rle_splat if depsgraph is None else owner.evaluated_get(depsgraph).rle_splat
     scene = bpy.context.scene if depsgraph is None else depsgraph.scene_eval
-    time = scene.frame_current + ahead * scene.frame_step
+    time = scene.frame_current + ahead
     keyed = _keyed_at(owner, time) if ahead else {}
     count, frame = properties.frame_count, int(keyed.get("frame", properties.frame))
     if properties.playback != FIXED:

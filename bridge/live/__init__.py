@@ -122,7 +122,8 @@ def _after() -> None:
     viewport = live.viewport
     request = surface.request_of(context, live.keys)
     had = viewport.problem, viewport.waits
-    viewport.redraw(request, shown.stamp(), surface.BlenderSurface(context, request, framebuffer, live.waits))
+    drawn = surface.BlenderSurface(context, request, framebuffer, live.waits)
+    viewport.redraw(request, shown.stamp(), drawn, timer.bite())
     _draw(live, framebuffer)
     _tell_of(viewport, had[0])
     if had != (viewport.problem, viewport.waits):
@@ -176,12 +177,13 @@ def _tick():
     if region is None:  # its area was closed, or its screen is not shown
         _forget_closed()
         return timer.PAUSE
-    had = live.viewport.problem
+    had = live.viewport.problem, live.mesh, remark_of(area)
     if live.viewport.work():
         live.mesh = _find_mesh_before(live, window)
         region.tag_redraw()
-        _tell_of(live.viewport, had)
-        _redraw_panels(area)
+        _tell_of(live.viewport, had[0])
+        if had != (live.viewport.problem, live.mesh, remark_of(area)):
+            _redraw_panels(area)
     return timer.AT_ONCE
 
 

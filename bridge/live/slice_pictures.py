@@ -7,8 +7,6 @@ each image shows is recorded outside Blender's data, and the record is dropped a
 pictures are, see ``picture_files.py``.
 """
 
-import time
-
 import bpy
 from bpy.app.handlers import persistent
 
@@ -26,8 +24,6 @@ STILL = 0.15  # seconds without a change until a slice is made in full
 
 _shown: dict = {}  # session id of an image -> what it shows
 _drafts: dict = {}  # session id of an image -> Held slice that it shows with fewer pixels
-_work: list = []  # at most one generator that makes one of these in full
-_changed = [0.0]  # when the last draft was made, in seconds
 _problems: dict = {}  # session id of a slice -> sentence
 _updating: list = []  # not empty while images are written, whose own updates must not start another round
 
@@ -77,14 +73,13 @@ def forget() -> None:
     """Drop all records."""
     for held in (_shown, _drafts, _problems):
         held.clear()
-    _drop_work()
+    work.drop(work.SLICES)
 
 
 def stop() -> None:
     """Drop all records and what is to be done."""
     forget()
     timer.stop(_tick)
-    timer.stop(_refine)
 
 
 def problem_of(one) -> str:
@@ -135,12 +130,11 @@ def _update(scene, one, depsgraph, most: int | None) -> bool:
         shows = volume.key, matrix.tobytes(), window
         if _shown.get(uid) == shows and (uid not in _drafts or size != full):
             return False
-        _drop_work()
+        work.drop(work.SLICES)
         drain(_picture_steps(one, depsgraph, size, volume, matrix, window))
         _drafts.pop(uid, None)
         if size != full:
-            _drafts[uid], _changed[0] = Held(one), time.perf_counter()
-            timer.start(_refine, STILL)
+            _drafts[uid] = Held(one)
         if scene.rle_splat.message == _problems.pop(one.session_uid, None):
             scene.rle_splat.message = ""
     except Exception as problem:  # handlers run often: one sentence instead of many tracebacks
@@ -152,6 +146,8 @@ def _update(scene, one, depsgraph, most: int | None) -> bool:
         _problems[one.session_uid] = sentence
         messages.complain(scene.rle_splat, sentence)
     _shown[uid] = shows
+    if _drafts:
+        work.begin(work.SLICES, None, _refine_steps(), STILL)
     return True
 
 
@@ -174,35 +170,17 @@ def _picture_steps(one, depsgraph, size, volume, matrix, window):
         store.withdraw([wish])
 
 
-def _drop_work() -> None:
-    for steps in _work:
-        steps.close()
-    _work.clear()
-
-
-def _refine():
-    """Timer function: make slices in full that are shown with fewer pixels, once nothing changes."""
-    if not _drafts:
-        return None
-    if timer.must_wait():
-        return timer.BUSY
-    wait = _changed[0] + STILL - time.perf_counter()
-    if wait > 0.0:
-        return wait
-    if not _work:
-        _work.append(_refined_steps(*next(iter(_drafts.items()))))
+def _refine_steps():
+    """Generator: make slices in full that are shown with fewer pixels."""
     try:
-        next(_work[0])
-    except StopIteration:
-        _work.clear()
+        while _drafts:
+            yield from _full_steps(*next(iter(_drafts.items())))
     except Exception as problem:  # the draft stays; the next edit tells what is wrong with the slice
-        _drop_work()
         _drafts.clear()
         messages.tell(messages.sentence_of(problem))
-    return timer.AT_ONCE
 
 
-def _refined_steps(uid, held: Held):
+def _full_steps(uid, held: Held):
     """Generator: make one slice in full; without it or its volume in any window the draft is forgotten."""
     one = held.find()
     for window in bpy.context.window_manager.windows:

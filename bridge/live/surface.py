@@ -137,8 +137,10 @@ class BlenderSurface:
 
     def ends(self, view: ViewportView, part) -> np.ndarray | None:
         """See ``Surface.ends``."""
-        is_slow = len(self._waits) == MOST_WAITS and min(self._waits) > WAITS
-        if self._framebuffer is None or not has_depth(self._request) or is_slow:
+        if self._framebuffer is None or not has_depth(self._request):
+            return None
+        if len(self._waits) == MOST_WAITS and min(self._waits) > WAITS:
+            self._waits.pop()  # the viewport asks again later, when one read decides
             return None
         if self._request.drawn[0] in ("MATERIAL", "RENDERED") and has_glass(self._depsgraph):
             return None  # the depth is that of the glass: triangles end rays

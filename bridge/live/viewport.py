@@ -26,6 +26,7 @@ STILL, PER_REDRAW = 0.15, 1.5  # seconds, and intervals between changes, without
 MOST_LAG, OF_LAST = 0.5, 2.0
 RECHECK = 0.5  # seconds after which contents and depths are compared again although no event named a change
 FOR_GOOD = "for good"  # of a failure that no input made, such as that of a driver
+AGAIN = 60  # moves of a view without depth until it is asked for depth again: the machine may have been busy
 CHANGED = 0.002  # share of pixels whose depth may differ in an unchanged view: the engine's own samples move
 MOST_COARSENESS = 5  # of drafts; see ``picture_steps``
 # Seconds of a draft above which the next one has every second pixel; a redraw then takes about 16 ms.  Only above
@@ -120,7 +121,7 @@ class Viewport:
         self._request: Request | None = None
         self._stamp = None
         self._contents: dict[str, Contents] = {}  # of Request.volumes
-        self._has_triangles = False
+        self._has_triangles, self._moves = False, 0  # and how often the view has moved since depth was asked for
         self._shot: Shot | None = None
         self._ends: Ends | None = None
         self._checked, self._changed, self._due, self._look_due = -np.inf, -np.inf, None, None
@@ -146,8 +147,8 @@ class Viewport:
         """Whether there is work, now or later."""
         return self._work is not None or self._due is not None or self._look_due is not None
 
-    def redraw(self, request: Request, stamp, surface: DrawnSurface) -> None:
-        """Look at what a redraw shows; where it changed, work on a draft for at most a bite.
+    def redraw(self, request: Request, stamp, surface: DrawnSurface, bite: float = BITE) -> None:
+        """Look at what a redraw shows; where it changed, work on a draft for at most ``bite`` seconds.
 
         ``stamp`` differs from that of the last redraw after any event that may have changed the contents.
         """
@@ -165,7 +166,7 @@ class Viewport:
         try:
             if self._look(request, stamp, surface, moved, now):
                 self._left = min(self._left, now) if turned else self._left
-                self._begin(now)
+                self._begin(now, bite)
                 self._drop_outdated()
         except Exception as problem:  # one sentence instead of a traceback for every redraw
             self._fail(problem)
@@ -173,7 +174,8 @@ class Viewport:
     def _look(self, request: Request, stamp, surface: DrawnSurface, moved: bool, now: float) -> bool:
         """Look up contents and depths; return whether the picture is of something else."""
         last = self._request
-        other = last is None or (request.volumes, request.drawn) != (last.volumes, last.drawn)
+        self._moves += moved and self._has_triangles
+        other = last is None or (request.volumes, request.drawn) != (last.volumes, last.drawn) or self._moves >= AGAIN
         changed = moved
         if other or stamp != self._stamp or now - self._checked >= RECHECK:
             changed |= self._read(request, surface, self._has_triangles and not other)
@@ -185,7 +187,7 @@ class Viewport:
         shot = shot_of(request.matrices, [*self._contents.values()])
         ends = None
         if surface.hides() and shot.part is not None and not self._has_triangles:
-            self.counts["depths"] += 1
+            self.counts["depths"], self._moves = self.counts["depths"] + 1, 0
             drawn = surface.ends(shot.view, shot.part)
             if drawn is not None:
                 ends = Ends(drawn, shot.view, shot.part, request.has_floor)
@@ -209,7 +211,7 @@ class Viewport:
         self._contents = {key: one for key, one in now.items() if one is not None}
         return [one.digest for one in self._contents.values()] != [one.digest for one in before.values()]
 
-    def _begin(self, now: float) -> None:
+    def _begin(self, now: float, bite: float) -> None:
         """Begin a draft of what was looked at; one that is under way ends first, or a slow one would never be seen."""
         interval, self._changed = now - self._changed, now
         self._due, self._pause = None, max(STILL, PER_REDRAW * interval if interval < 1.0 else STILL)
@@ -217,8 +219,8 @@ class Viewport:
             self._stop_work()
         if self._work is None:
             self._start_draft()
-        if self._now() < now + BITE:
-            self._advance(now + BITE)
+        if self._now() < now + bite:
+            self._advance(now + bite)
 
     def work(self) -> bool:
         """Do one step, from a timer; return whether a redraw is due: there is a new picture, or it is to look again."""

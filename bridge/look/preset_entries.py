@@ -10,7 +10,7 @@ from . import own_presets, preset_items
 MODALITY = "Modality: "  # line of a volume's facts
 NAMES = {"CT": "CT", "MR": "MR", "XA": "X-Ray", "PT": "PET", "RTDOSE": "Dose", "SMOKE": "Smoke"}
 OWN = "OWN"
-OF_THINGS = ("ct-botanical", "ct-industrial")  # not offered for a patient
+OF_THINGS = ("ct-botanical", "ct-industrial")
 
 
 @dataclass(frozen=True)
@@ -61,6 +61,11 @@ def modality_of(properties) -> str | None:
     return line.removeprefix(MODALITY) or None
 
 
+def is_offered(name: str, properties) -> bool:
+    """Whether a volume is offered a preset of ours: a patient none of plants and machines."""
+    return name not in OF_THINGS or properties.space != PATIENT
+
+
 def groups(properties) -> list[PresetGroup]:
     """The groups of a volume, those that suit it first; none of them is empty.
 
@@ -71,7 +76,7 @@ def groups(properties) -> list[PresetGroup]:
     suggested, *items = preset_items.IMPORT_ITEMS
     suits, others = [Entry(*suggested)], []
     for name, label, description in items:
-        if name in OF_THINGS and properties.space == PATIENT:
+        if not is_offered(name, properties):
             continue
         if PRESETS[name].modality in (modality, None):
             suits.append(Entry(name, _short(label).removeprefix(f"{kind} "), description))  # the heading says it

@@ -10,14 +10,6 @@ IMPORT_ITEMS = [(SUGGESTED, "Suggested", "Choose from the values and the modalit
     (row.name, row.label, row.description[0].upper() + row.description[1:]) for row in PRESETS.values()
 ]
 
-# Kinds of scan in the order of the menu, with the names of their presets.
-KINDS = {
-    "CT": "CT", "MR": "MR", "XA": "X-Ray", "PT": "PET", "RTDOSE": "Dose", "SMOKE": "Simulation", None: "Any Volume",
-}  # fmt: skip
-BY_MODALITY = {
-    kind: [row.name for row in PRESETS.values() if row.modality == modality] for modality, kind in KINDS.items()
-}
-
 
 def chosen_transfer(item: str, volume):
     """``chosen_transfer_steps`` without the steps."""

@@ -77,11 +77,8 @@ def unregister():
 
 def stop() -> None:
     """Drop all work and all pictures, before another file is opened."""
-    for _, steps in _work:
-        steps.close()
-    for held in (_work, _wanted, _failed):
-        held.clear()
-    store.withdraw([COARSE])
+    _rest()
+    _failed.clear()
     for collection in _collections:
         collection.clear()
     timer.stop(_tick)

@@ -12,7 +12,7 @@ from .. import live
 from ..data import migration
 from ..live import slice_pictures
 from ..look import thumbnails
-from ..pictures import live_backdrop, outdated, picture_files, update
+from ..pictures import outdated, picture_files, update
 from ..render import mesh_shadows, over_render
 from ..scene import image_changes, meshes, render_scene, world_render
 from ..volumes import segments, series, source_paths, volumes
@@ -27,7 +27,6 @@ def forget_all(*_arguments) -> None:
     live.stop()
     slice_pictures.stop()
     thumbnails.stop()
-    live_backdrop.stop()
     series.forget()
     work.stop()
     outdated.forget()

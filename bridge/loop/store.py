@@ -1,8 +1,9 @@
 """All that was read of files: voxels, label maps, channels on a volume's grid, values of slices, the light of images.
 
 Entries are keyed by their content.  For each purpose and in each scene an object wants the entry that it asked for
-last, and an entry stays in memory while an object wants it.  Beyond MOST_BYTES objects that no window shows lose
-theirs, the least recently used first.  No reference to a Blender datablock is stored.
+last, and an entry stays in memory while an object wants it.  Frames that were read ahead stay, too.  Beyond MOST_BYTES
+these go, and what objects want that no window shows, the least recently used first.  No reference to a Blender
+datablock is stored.
 """
 
 from typing import NamedTuple
@@ -27,8 +28,8 @@ class Wish(NamedTuple):
     owner, scene : int
         Session ids of the object or the world that shows the entry, and of the scene whose time it is read for.
     purpose : object
-        "voxels", "labels", "light", "thumbnails", "opaque", ("slice", whether with all pixels), or the session id of a
-        channel's object.
+        "voxels", "labels", "light", "thumbnails", "opaque", ("slice", whether with all pixels), (FRAME, key), or the
+        session id of a channel's object.
     """
 
     owner: int
@@ -37,8 +38,7 @@ class Wish(NamedTuple):
 
 
 ANY = 0  # in place of a scene: the entry is that of any time
-# For one frame that nothing shows yet, and for its label map.
-AHEAD, LABELS_AHEAD = Wish(0, ANY, "ahead"), Wish(0, ANY, "labels ahead")
+FRAME = "frame"  # of the purpose (FRAME, key): a volume in time, or its labels, that its object may show next
 
 _entries: dict = {}  # key -> value
 _wanted: dict = {}  # Wish -> key, the least recently used first
@@ -64,7 +64,6 @@ def steps(wish: Wish, key: tuple, make_steps):
     """Generator: the value of a key, from memory or made by the generator ``make_steps()``; it is now wanted."""
     value = _entries.get(key)
     if value is None:
-        withdraw([LABELS_AHEAD] if wish == LABELS_AHEAD else [AHEAD, LABELS_AHEAD])
         value = yield from make_steps()
     put(wish, key, value)
     return value
@@ -78,7 +77,7 @@ def put(wish: Wish, key: tuple, value) -> None:
     _entries[key] = value
     _drop_unwanted()
     if is_new:
-        _keep_within(MOST_BYTES, wish.owner)
+        _keep_within(MOST_BYTES, wish)
 
 
 def withdraw(wishes) -> None:
@@ -130,16 +129,25 @@ def _drop_unwanted() -> None:
         _entries.pop(key, None)
 
 
-def _keep_within(most: int, reader: int) -> None:
-    """Drop what only objects that no window shows want, while there are more bytes; not of the one that just read."""
+def _keep_within(most: int, newest: Wish) -> None:
+    """Drop what no window shows, while there are more bytes: of other objects, and other frames; not the newest."""
     if nbytes() <= most or bpy.app.background or bpy.app.is_job_running("RENDER"):
         return
-    shown = {*_shown_objects(), reader}
+    shown = {*_shown_objects(), newest.owner}
     for wish in list(_wanted):
         if nbytes() <= most:
             break
-        if wish.owner not in shown:
+        if wish.owner not in shown or (_is_of_frame(wish) and wish != newest):
             withdraw([wish])
+
+
+def _is_of_frame(wish: Wish) -> bool:
+    return isinstance(wish.purpose, tuple) and wish.purpose[0] == FRAME
+
+
+def frame_wish(owner, key: tuple) -> Wish:
+    """The wish for one of the volumes in time of an object, or for its labels."""
+    return Wish(owner.session_uid, ANY, (FRAME, key))
 
 
 def _shown_objects() -> set:

@@ -7,13 +7,7 @@ Blender versions, so it is always set.
 
 import bpy
 
-from ..held import Held
 from . import pictures
-
-# Properties of a background image that ``show`` sets and ``restore`` resets, besides source, image and offset.
-RESTORED = (
-    "alpha", "display_depth", "frame_method", "scale", "rotation", "use_flip_x", "use_flip_y", "show_background_image",
-)  # fmt: skip
 
 
 def show(camera, image, place: str):
@@ -38,32 +32,6 @@ def show(camera, image, place: str):
     image.use_view_as_render = True  # apply the scene's view transform, as in the render
     camera.data.update_tag()  # otherwise views keep drawing the evaluated camera's old entry
     return entry
-
-
-def state(scene, camera) -> tuple:
-    """The state of the camera's backdrop, for ``restore`` only.
-
-    It holds no reference to a datablock, so it survives undo.
-    """
-    entry = find(scene, camera)
-    if entry is None:
-        return camera.data.show_background_images, None, None
-    values = {name: getattr(entry, name) for name in RESTORED}
-    return camera.data.show_background_images, {**values, "offset": tuple(entry.offset)}, Held(entry.image)
-
-
-def restore(scene, camera, earlier: tuple) -> None:
-    """Show what the camera showed when ``state`` was called, or no backdrop if its image is gone."""
-    background_images, values, held = earlier
-    entry, image = find(scene, camera), held.find() if held else None
-    if values is None or image is None:
-        hide(scene, camera)
-    elif entry is not None:
-        for name, value in values.items():
-            setattr(entry, name, value)
-        entry.image = image
-    camera.data.show_background_images = background_images
-    camera.data.update_tag()
 
 
 def hide(scene, camera) -> bool:

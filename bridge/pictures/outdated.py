@@ -81,11 +81,6 @@ def out_of_date(scene) -> list:
     ]
 
 
-def have_new_transfer_functions(scene) -> bool:
-    """Whether the transfer function of a shown picture was edited, including edits by a script without an update."""
-    return any(_has_new_transfer_function(scene, row) for row in shown_rows(scene))
-
-
 def forget() -> None:
     """Drop all records, before another file is opened."""
     _made_from.clear()

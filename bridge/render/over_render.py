@@ -20,7 +20,8 @@ from ...rle_splat.scene import RleSplatError
 from .. import messages, presence
 from ..data.settings import tolerance_of
 from ..live import slices
-from ..pictures import images, live_backdrop, pictures
+from ..loop import work
+from ..pictures import images, pictures
 from ..scene import placements, render_scene
 from ..scene.camera import frame_crop, image_size
 from ..translations import filled, translate
@@ -38,7 +39,7 @@ _logs: dict[int, RenderLog] = {}
 
 @persistent
 def _on_render_init(scene, *_arguments):
-    live_backdrop.stop()
+    work.drop(work.BACKDROP)
     started = next(iter(_logs.values()), None)
     if started is not None and not started.is_in_frame:
         _logs.clear()  # a render that Blender aborted before its first frame sends no event at its end

@@ -12,7 +12,7 @@ import numpy as np
 from ...rle_splat.classify.anatomy import find_appearance
 from ...rle_splat.classify.label_styles import LabelStyle, distinct_color, labels_of
 from ...rle_splat.read.formats import RAW, format_of
-from ...rle_splat.read.labels import changes_with_time, read_label_steps
+from ...rle_splat.read.labels import changes_with_time, read_label_steps, remarks_beside
 from ...rle_splat.runtime.steps import announce, drain, rescale
 from ...rle_splat.scene import Labels, RleSplatError
 from ...rle_splat.segment.label_map import BACKGROUND, MOST_LABELS, value_steps
@@ -121,10 +121,10 @@ def are_used(owner) -> bool:
     return bool(owner.rle_splat.label_file) and len(owner.rle_splat.labels) > 0
 
 
-def are_at_hand(owner, volume, depsgraph=None) -> bool:
+def are_at_hand(owner, volume, depsgraph=None, ahead: int = 0) -> bool:
     """Whether the labels of a volume object are in memory, or their file is missing, which ``load_steps`` says."""
     try:
-        return store.find(file_of(owner, depsgraph).key(volume)) is not None
+        return store.find(file_of(owner, depsgraph, ahead).key(volume)) is not None
     except RleSplatError:
         return True
 
@@ -235,13 +235,7 @@ def list_labels(owner, listed: LabelMap) -> tuple[int, int, tuple]:
         elif number in stay:  # of another file
             _describe(rows[known[number]], number, named.get(number))
     further = sum(number not in numbers for number in stay)
-    remarks, frames = found.remarks, owner.rle_splat.label_frames
-    if frames not in (1, owner.rle_splat.frame_count):
-        remarks += (
-            f"The label file has {frames} volumes and the scan {owner.rle_splat.frame_count}; beyond them the last one "
-            "is shown.",
-        )
-    return len(numbers), further, remarks
+    return len(numbers), further, remarks_beside(found, owner.rle_splat.frame_count)
 
 
 def _describe(row, number: int, named) -> None:

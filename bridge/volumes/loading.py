@@ -70,11 +70,21 @@ def load_steps(owner, depsgraph=None, with_labels: bool | None = None, further=(
     )  # fmt: skip
 
 
-def load_ahead_steps(owner):
-    """Generator of Progress: read what a volume object shows in the next frame, and its labels if they change."""
-    changes = labels.are_used(owner) and owner.rle_splat.label_frames > 1
-    file = labels.file_of(owner, ahead=1) if changes else None
-    return _one_after_another(volumes.load_ahead_steps(owner), file, store.LABELS_AHEAD, [])
+def load_ahead_steps(owner, ahead: int):
+    """Generator of Progress: read what a volume object shows some frames later, and its labels if they change."""
+    file = labels.file_of(owner, ahead=ahead) if _labels_change(owner) else None
+    return _one_after_another(volumes.load_ahead_steps(owner, ahead), file, store.frame_wish(owner, file), [])
+
+
+def is_ahead(owner, ahead: int) -> bool:
+    """Whether what ``load_ahead_steps`` reads is in memory."""
+    volume = volumes.at_hand(owner, ahead=ahead)
+    return volume is not None and (not _labels_change(owner) or labels.are_at_hand(owner, volume, ahead=ahead))
+
+
+def _labels_change(owner) -> bool:
+    """Whether each frame of a volume object has labels of its own."""
+    return labels.are_used(owner) and owner.rle_splat.label_frames > 1
 
 
 def withdraw_unused(owner, depsgraph) -> None:

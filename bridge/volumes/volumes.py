@@ -2,7 +2,7 @@
 
 Voxels stay outside the .blend.  They are read when first needed and stay in ``loop.store``.  Their key is the file, its
 size, its modification time (of a series, those of its folder's files) and the options, the frame among them.  Of the
-frames of a volume object, the last one that was asked for in each scene stays, and one that was read ahead.
+frames of a volume object, the last one that was asked for in each scene stays, and those that were read ahead.
 """
 
 from dataclasses import dataclass
@@ -143,12 +143,10 @@ def load_steps(owner, depsgraph=None):
     return _cached_steps(source, store.wish_of(owner, depsgraph, PURPOSE))
 
 
-def load_ahead_steps(owner):
-    """Generator of Progress: load the voxels that a volume object shows in the next frame of the timeline.
-
-    Of all objects, one frame that was read ahead is cached.
-    """
-    return _cached_steps(source_of(owner, shown_frame(owner, ahead=1)), store.AHEAD)
+def load_ahead_steps(owner, ahead: int):
+    """Generator of Progress: load the voxels that a volume object shows some frames of the timeline later."""
+    source = source_of(owner, shown_frame(owner, ahead=ahead))
+    return _cached_steps(source, store.frame_wish(owner, source.key))
 
 
 def _cached_steps(source: VolumeSource, wish: store.Wish):

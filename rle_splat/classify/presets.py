@@ -8,6 +8,7 @@ import numpy as np
 from ..runtime.steps import drain
 from ..scene import RleSplatError
 from ..volume.histogram import percentile_steps
+from ..volume.hounsfield import AIR
 from ..volume.volume import Volume
 from .transfer_function import TransferFunction
 
@@ -98,10 +99,12 @@ def preset(name: str) -> TransferFunction:
 def _typical_range_steps(volume: Volume):
     """Generator of fractions done: the range of typical values of a volume, (low, high), physical.
 
-    This is the 1st to 99.9th percentile; if they coincide, the whole range; for a constant volume, the unit interval
-    below its value, so that the upper end of a transfer function applies to it.
+    This is the 1st to 99.9th percentile, of HU from -1030 at least; if they coincide, the whole range; for a constant
+    volume, the unit interval below its value, so that the upper end of a transfer function applies to it.
     """
     low, high = (float(p) for p in (yield from percentile_steps(volume, FIT_PERCENTS)))
+    if volume.value_unit == "HU" and low < AIR[0] < high:
+        low = AIR[0]  # beyond a scanner's field of view lower values are stored
     if low == high:
         low, high = volume.value_range
     if low == high:
@@ -113,8 +116,8 @@ def fit_preset(name: str, volume: Volume) -> tuple[TransferFunction, str | None]
     """Fit a built-in transfer function to a volume.
 
     A preset in the volume's own unit is not changed. The points of any other preset are moved linearly, so that they
-    run from the 1st to the 99.9th percentile of the volume's values, or, as shares of the largest value, from 0 to it.
-    Its smoothness is at most twice the largest spacing, for small animals.
+    run from the 1st to the 99.9th percentile of the volume's values (of HU from -1030 at least), or, as shares of the
+    largest value, from 0 to it.  Its smoothness is at most twice the largest spacing, for small animals.
 
     Parameters
     ----------

@@ -1,5 +1,6 @@
 """``rle-splat figure``: make a figure for print, or make one again from its sidecar."""
 
+from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 
@@ -11,16 +12,18 @@ from ..read.labels import read_label_steps
 from ..runtime.outputs import check_outputs, write_report
 from ..runtime.whole_files import whole_files, writing
 from ..scene import RleSplatError
+from ..segment.body import map_steps
 from ..volume.checks import check_values
 from . import options
 from .appearance import read_transfer_function
 from .figure_files import FURTHER, check_figure_file, write_figure
 from .figure_options import add_figure_options, list_panels, panels_of, style_from
 from .light_options import add_light_effect_options, check_light_effects, read_sky, with_light_effects
-from .mixing import add_mixing_options, mix, mixing_inputs, read_further, read_mixing
+from .mixing import add_mixing_options, hide_table, mix, mixing_inputs, read_further, read_mixing
 from .progress import ProgressLine
 from .viewing import check_scene_options, make_scene, place, read_lights, read_placement
 
+BODY = "body"  # option of a sidecar's labels that are the body found in its data, not a file
 # Options that count when a figure is made again; its sidecar holds all others.
 OF_A_REMAKE = (
     "volume", "output", "data", "labels", "channel", "json", "progress", "threads", "memory_limit", "debug", "command",
@@ -138,11 +141,16 @@ def _make(args, line):
         return mix(args, with_light_effects(args, scene, sky), mixing, further)
 
     panels, reasons = panels_of(args, volume, wanted, scene_of)
+    table, more = (None, ()) if args.compare else hide_table(args, volume, panels[0].scene.transfer_function, line)
+    labels = None if args.labels is None else DataSource(_use_slashes(args.labels))
+    if table is not None:
+        panels = [replace(panel, scene=replace(panel.scene, labels=table)) for panel in panels]
+        labels = DataSource(_use_slashes(args.volume), {BODY: True})
     made = _render(Figure(tuple(panels), style), [quality] * wanted.count, line)
-    remarks = (*reasons, *further.remarks, *made.remarks, *options.quality_remarks(args, quality))
+    remarks = (*reasons, *further.remarks, *more, *made.remarks, *options.quality_remarks(args, quality))
     sources = Sources(
         DataSource(_use_slashes(args.volume), {**level_options(volume), **options.volume_options(args)}),
-        None if args.labels is None else DataSource(_use_slashes(args.labels)),
+        labels,
         tuple(DataSource(_use_slashes(path), options) for path, options in further.channel_sources),
     )
     return made, remarks, sidecar_of(made, sources)
@@ -196,7 +204,8 @@ def _places(args, sources) -> list[tuple]:
         )
     wanted = [(sources.volume, args.data, "data", "--data")]
     if sources.labels is not None:
-        wanted.append((sources.labels, args.labels, "label map", "--labels"))
+        given = args.data if sources.labels.options.get(BODY) else args.labels
+        wanted.append((sources.labels, given, "label map", "--labels"))
     now = args.channel or [None] * len(sources.channels)
     wanted += [(source, path, "channel", "--channel") for source, path in zip(sources.channels, now)]
     return [(source, _place(args, source.file, path, what)) for source, path, *what in wanted]
@@ -230,7 +239,8 @@ def _read_again(places: list[tuple], sources, line):
     check_data(source, volume, path)
     if sources.labels is not None:
         (source, path), *further = further
-        labels = read(read_label_steps(path, volume), path)
+        found_by = map_steps(volume) if source.options.get(BODY) else read_label_steps(path, volume)
+        labels = read(found_by, path)
         check_data(source, labels, path)
     for source, path in further:
         channel, _ = read(read_channel_steps(path, volume, source.options), path)

@@ -9,14 +9,16 @@ from ..classify.presets import PRESETS, fit_preset_steps
 from ..classify.transfer_files import fit_function
 from ..classify.transfer_function import TransferFunction
 from ..read.channels import MOST_CHANNELS, level_options, read_channel_steps
-from ..read.labels import TEXT_SUFFIXES, changes_with_time, read_label_steps, read_label_text
+from ..read.labels import TEXT_SUFFIXES, changes_with_time, read_label_steps, read_label_text, remarks_beside
 from ..runtime.steps import drain
-from ..scene import Channel, RleSplatError, Scene
+from ..scene import Channel, Labels, RleSplatError, Scene
+from ..segment.body import hide_table_steps
 from ..segment.label_map import BACKGROUND, MOST_LABELS, value_steps
 from ..volume.volume import Volume
 from .options import volume_options
 
 LABEL_EDGES = ("smooth", "voxels")
+TABLE_HIDDEN = "What lies beside the body, such as a table, is hidden; --keep-table shows it."
 
 
 def add_mixing_options(parser) -> None:
@@ -48,6 +50,20 @@ def add_mixing_options(parser) -> None:
         help="the transfer function of a channel, a file or a preset; give one for each --channel, in the same order, "
         "or none for automatic ones",
     )  # fmt: skip
+    group.add_argument(
+        "--keep-table",
+        action="store_true",
+        help="show the table or the head holder of a CT. Without this, --labels or --transfer-function it is hidden if "
+        "at least 0.6 %% of the voxels shown lie beside the body",
+    )
+
+
+def hide_table(args, volume: Volume, function: TransferFunction, line) -> tuple[Labels | None, tuple[str, ...]]:
+    """Labels that hide what lies beside the body, and a sentence that says so; None and () where nothing is hidden."""
+    if args.keep_table or args.labels or args.transfer_function:
+        return None, ()
+    labels = line.follow(hide_table_steps(volume, function))
+    return labels, () if labels is None else (TABLE_HIDDEN,)
 
 
 def mixing_inputs(args) -> tuple:
@@ -126,11 +142,7 @@ class Further:
     channels: tuple = ()
     channel_sources: tuple = ()
 
-    @property
-    def remarks(self) -> tuple[str, ...]:
-        """What was noticed about the files."""
-        read = (*(() if self.labels is None else (self.labels,)), *self.channels)
-        return tuple(remark for one in read for remark in one.remarks)
+    remarks: tuple[str, ...] = ()
 
 
 def read_further(args, volume, line) -> Further:
@@ -141,7 +153,9 @@ def read_further(args, volume, line) -> Further:
     sources = [(path, None) for path in args.channel] + (_file_channels(args, volume) if args.file_channels else [])
     found = [line.follow(read_channel_steps(path, volume, options)) for path, options in sources]
     again = ((path, options) for (path, _), (_, options) in zip(sources, found))
-    return Further(labels, tuple(channel for channel, _ in found), tuple(again))
+    remarks = () if labels is None else remarks_beside(labels, volume.frames if volume.frame_axis == "time" else 1)
+    remarks += tuple(remark for channel, _ in found for remark in channel.remarks)
+    return Further(labels, tuple(channel for channel, _ in found), tuple(again), remarks)
 
 
 def _file_channels(args, volume: Volume) -> list:

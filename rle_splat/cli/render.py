@@ -12,7 +12,6 @@ import numpy as np
 from ..runtime.outputs import check_outputs, write_report
 from ..runtime.whole_files import whole_files, writing
 from ..scene import Camera, Cancelled, Quality, RleSplatError, Scene, check_crop
-from ..segment.body import hide_table_steps
 from ..volume.checks import check_values
 from . import light_options, options
 from .appearance import choose_transfer_function, read_transfer_function
@@ -21,7 +20,7 @@ from .frames import add_frames_option, each_frame
 from .images import writer_for
 from .lighting import check_lighting
 from .made import describe_kept, mark_of, outputs_of, write_mark
-from .mixing import add_mixing_options, mix, mixing_inputs, read_further, read_mixing
+from .mixing import add_mixing_options, hide_table, mix, mixing_inputs, read_further, read_mixing
 from .progress import ProgressLine
 from .report import say_beginning
 from .rows import ROW_WRITERS
@@ -33,7 +32,6 @@ if TYPE_CHECKING:
     from ..pipeline.stage_cache import StageCache
 
 ENCODED_SUFFIX = ".rle"
-TABLE_HIDDEN = "What lies beside the body, such as a table, is hidden; --keep-table shows it."
 
 
 def add_arguments(parser) -> None:
@@ -59,12 +57,6 @@ def add_arguments(parser) -> None:
     options.add_clip_option(parser)
     light_options.add_light_effect_options(parser)
     add_mixing_options(parser)
-    parser.add_argument(
-        "--keep-table",
-        action="store_true",
-        help="show the table or the head holder of a CT. Without this, --labels or --transfer-function it is hidden if "
-        "at least 1.5 %% of the voxels shown lie beside the body",
-    )
     options.add_tolerance_options(parser)
     options.add_quality_options(parser)
 
@@ -223,11 +215,12 @@ def prepare(args, checked: Checked, line, like: Like | None = None) -> tuple[Pre
         prepared, like = _prepare_voxels(args, checked, line, like)
     further = read_further(args, prepared.scene.volume, line)
     scene = mix(args, moving(prepared.scene, checked.poses), checked.mixing, further)
-    remarks = (*prepared.remarks, *further.remarks)
-    if not (checked.is_encoded or args.keep_table or args.labels or args.transfer_function):
-        scene = replace(scene, labels=line.follow(hide_table_steps(scene.volume, scene.transfer_function)))
-        remarks += (TABLE_HIDDEN,) if scene.labels is not None else ()
-    return replace(prepared, scene=replace(scene, crop=checked.crop), remarks=remarks), like
+    remarks, table = (*prepared.remarks, *further.remarks), None
+    if not checked.is_encoded:
+        table, more = hide_table(args, scene.volume, scene.transfer_function, line)
+        remarks += more
+    scene = replace(scene, crop=checked.crop, labels=table or scene.labels)
+    return replace(prepared, scene=scene, remarks=remarks), like
 
 
 def render_prepared(args, prepared: PreparedScene, line, job: RenderJob) -> dict:

@@ -48,11 +48,21 @@ def edge_letters(scene: Scene) -> dict[str, str]:
 
 
 def view_name(scene: Scene) -> str:
-    """The name of a view along an axis of the patient, such as "Anterior view"; "" for any other."""
+    """The radiologists' name of a view, such as "Left anterior oblique 45°, cranial 20°"; "" where sides are unknown.
+
+    It says where the viewer is, as for the detector in angiography; the degrees of an oblique begin at front or back.
+    """
     if not knows_sides(scene):
         return ""
     viewer = patient_axes(scene)[2]
-    return VIEWS[letters_of(viewer)[0]] if np.abs(viewer).max() >= SAME_VIEW else ""
+    if np.abs(viewer[2]) >= SAME_VIEW:
+        return VIEWS[letters_of(viewer)[0]]
+    turn = np.rint(np.degrees(np.arctan2(abs(viewer[0]), abs(viewer[1]))))
+    tilt = np.rint(np.degrees(np.arcsin(np.clip(viewer[2], -1.0, 1.0))))
+    side, face = (LETTERS[axis][int(viewer[axis] > 0.0)] for axis in (0, 1))
+    oblique = f"{WORDS[side]} {WORDS[face]} oblique {turn:.0f}°".capitalize()
+    name = {0.0: VIEWS[face], 90.0: VIEWS[side]}.get(turn, oblique)
+    return name + (f", {'cranial' if tilt > 0.0 else 'caudal'} {abs(tilt):.0f}°" if tilt else "")
 
 
 def letter_texts(letters: dict, x: float, y: float, width: float, height: float, size: float, ink, halo) -> list:

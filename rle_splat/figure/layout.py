@@ -192,10 +192,10 @@ def _sides(draft: PageDraft, scene: Scene, x: float, y: float) -> None:
 
 
 def _window_text(draft: PageDraft, n: int) -> str:
-    """Window and level of a panel, where panels differ in them."""
-    if not draft.several_functions:
-        return ""
+    """Window and level of a panel that shows values, where panels differ in them."""
     scene = draft.figure.panels[n].scene
+    if not draft.several_functions or scene.mode not in OF_VALUES:
+        return ""
     window, level, unit = window_of(scene)
     return f"W {window} L {level} {unit}".rstrip()
 
@@ -266,16 +266,18 @@ def _caption(draft: PageDraft, y: float) -> float:
 
 
 def automatic_caption(draft: PageDraft) -> str:
-    """What is seen: transfer function, window and level, voxels, projection, and the letters of the patient's sides."""
+    """What is seen: window and level or transfer function, voxels, projection, letters of the patient's sides."""
     scenes = [panel.scene for panel in draft.figure.panels]
     first = scenes[0]
     sentences = []
+    shows_values = any(scene.mode in OF_VALUES for scene in scenes)
     if draft.several_functions:
-        sentences.append("W window, L level.")
-    else:
+        sentences += ["W window, L level."] if shows_values else []
+    elif shows_values:
         window, level, unit = window_of(first)
-        name = f"{first.transfer_function.name}: window" if first.transfer_function.name else "Window"
-        sentences.append(f"{name} {window} {unit}".rstrip() + f", level {level} {unit}".rstrip() + ".")
+        sentences.append(f"Window {window} {unit}".rstrip() + f", level {level} {unit}".rstrip() + ".")
+    elif first.transfer_function.name:
+        sentences.append(f"Transfer function {first.transfer_function.name}.")
     counts = " × ".join(map(str, first.volume.shape_xyz))
     sides = " × ".join(f"{side:.3g}" for side in np.round(first.volume.spacing, 6))
     sentences.append(f"{counts} voxels of {sides} {first.volume.unit}.")

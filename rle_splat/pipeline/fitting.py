@@ -7,7 +7,7 @@ from ..effects.mixing import is_mixed
 from ..runtime.steps import announce
 from ..scene import Quality, Scene, TooLargeError
 from ..volume.few_planes import LARGE
-from ..volume.reduced import reduce_steps, sample_steps
+from ..volume.reduced import average, majority, reduce_steps, sample_steps
 from .render import render_steps
 from .stage_cache import StageCache
 
@@ -38,14 +38,15 @@ def fitting_steps(scene: Scene, quality: Quality, cache: StageCache, halvings: i
     Raises
     ------
     RleSplatError
-        As ``render_steps`` does; TooLargeError only for scenes with labels or channels, and for a volume of few voxels.
+        As ``render_steps`` does; TooLargeError only for a volume of few voxels.
     """
     most = _most_halvings(scene)
     is_sampled = is_draft and scene.volume.holds_values and scene.volume.voxels.nbytes > LARGE
     while is_sampled and scene.volume.voxels.nbytes > SAMPLED_BYTES * 8**halvings:
         halvings += 1
     halvings = min(halvings, most)
-    contents = scene.volume.key, scene.transfer_function.classification_key, quality.classification
+    function = scene.transfer_function.classification_key
+    contents = scene.volume.key, function, quality.classification, is_mixed(scene)
     while halvings < most and cache.has(TOO_LARGE, (contents, halvings)):
         halvings += 1
     while True:
@@ -64,8 +65,8 @@ def fitting_steps(scene: Scene, quality: Quality, cache: StageCache, halvings: i
 
 
 def _most_halvings(scene: Scene) -> int:
-    """How often the voxels of a scene can be halved; those of labels and channels belong to the volume's own grid."""
-    if is_mixed(scene) or not scene.volume.holds_values:
+    """How often the voxels of a scene can be halved."""
+    if not scene.volume.holds_values:
         return 0
     return max((min(scene.volume.shape_xyz) // LEAST_SIDE).bit_length() - 1, 0)
 
@@ -74,15 +75,32 @@ def _coarser_steps(scene: Scene, cache: StageCache, halvings: int, is_sampled: b
     """Generator of Progress: the scene with half as many voxels along each side, so often."""
     if not halvings:
         return scene
-    volume, function, job = scene.volume, scene.transfer_function, cache.job()
-    if is_sampled:
-        make = partial(sample_steps, volume, halvings)
-        volume = yield from job.steps("some voxels", (volume.key, halvings), make, lambda made: made.voxels.nbytes)
-    for _ in range(0 if is_sampled else halvings):
-        make = partial(reduce_steps, volume, HALVED)
-        steps = job.steps("larger voxels", volume.key, make, lambda made: made.voxels.nbytes)
-        volume = yield from announce(steps, 0.0, 0.0, AVERAGING)
+    job = cache.job()
+
+    def volume_steps(volume, merge=average):
+        if is_sampled:
+            make = partial(sample_steps, volume, halvings)
+            return (yield from job.steps("some voxels", (volume.key, halvings), make, lambda made: made.voxels.nbytes))
+        for _ in range(halvings):
+            make = partial(reduce_steps, volume, HALVED, merge)
+            steps = job.steps("larger voxels", (volume.key, merge), make, lambda made: made.voxels.nbytes)
+            volume = yield from announce(steps, 0.0, 0.0, AVERAGING)
+        return volume
+
+    spacing = float(scene.volume.spacing.min())
+
+    def function_of(function):  # voxels twice as far apart would be half as dense by themselves
+        return function and replace(function, opacity_unit_distance=function.opacity_unit_distance or spacing)
+
+    volume, labels, channels = (yield from volume_steps(scene.volume)), scene.labels, []
+    if labels is not None:
+        functions = {label: function_of(one) for label, one in labels.functions.items()}
+        labels = replace(labels, volume=(yield from volume_steps(labels.volume, majority)), functions=functions)
+    for one in scene.channels:
+        made = yield from volume_steps(one.volume)
+        channels.append(replace(one, volume=made, transfer_function=function_of(one.transfer_function)))
     job.keep()
-    # Voxels twice as far apart would be half as dense by themselves.
-    distance = float(function.opacity_unit_distance or scene.volume.spacing.min())
-    return replace(scene, volume=volume, transfer_function=replace(function, opacity_unit_distance=distance))
+    return replace(
+        scene, volume=volume, transfer_function=function_of(scene.transfer_function), labels=labels,
+        channels=tuple(channels),
+    )  # fmt: skip

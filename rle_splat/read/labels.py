@@ -87,6 +87,17 @@ def changes_with_time(labels: Volume) -> bool:
     return labels.frames > 1 and labels.frame_axis == "time"
 
 
+def remarks_beside(labels: Volume, frames: int) -> tuple[str, ...]:
+    """The remarks on a label map, with a sentence where it has another number of frames than the scan."""
+    count = labels.frames if changes_with_time(labels) else 1
+    if count in (1, frames):
+        return labels.remarks
+    shown = f"the first {frames} are" if frames > 1 else "the first is"
+    if count < frames:
+        shown = "beyond them the last one is"
+    return *labels.remarks, f"The label file has {count} volumes and the scan {frames}; {shown} shown."
+
+
 def _whole_steps(labels: Volume):
     """Generator of Progress: a label map stored as floats or with a slope, as integers if all values are whole."""
     if labels.voxels.dtype.kind in "iu" and (labels.slope, labels.intercept) == (1.0, 0.0):

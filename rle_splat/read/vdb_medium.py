@@ -63,10 +63,15 @@ class MediumFile:
         Raises
         ------
         RleSplatError
-            If it cannot be written.
+            If it cannot be written, or OpenVDB takes no grid as small.
         """
-        for grid in (self._density, self._emission):
-            grid.transform = self._openvdb.createLinearTransform(np.transpose(matrix).tolist())  # of row vectors
+        try:
+            for grid in (self._density, self._emission):
+                grid.transform = self._openvdb.createLinearTransform(np.transpose(matrix).tolist())  # of row vectors
+        except ArithmeticError:
+            raise RleSplatError(
+                "The volume is too small in the scene for OpenVDB; raise Scene Scale in Render > Whole Scene."
+            ) from None
         path = Path(path)
         try:
             path.parent.mkdir(parents=True, exist_ok=True)

@@ -1,7 +1,7 @@
 """The body in a scan: what is left without the table, the head holder, cloths and air around it.
 
 All but the last step works on voxels of about 2 mm: balls roll through the tissue, and what is thinner than a ball is
-cut off, so that a table that touches the body is cut off too.
+cut off, so that a table that touches the body is cut off too.  A nose and an ear, which are short, come back.
 """
 
 from dataclasses import replace
@@ -14,22 +14,24 @@ from ..volume.hounsfield import looks_like_hounsfield
 from ..volume.reduced import reduce_steps
 from ..volume.volume import PATIENT, NamedLabel, Volume
 from .label_map import BACKGROUND, empty_map, put_segment
-from .masks import grow_steps, keep_largest_steps, shrink_steps
+from .masks import CC3D, grow_steps, keep_largest_steps, label_parts, load, shrink_steps
 
 AIR = -1000.0  # HU; lower values are those beyond a scanner's field of view
 VOXEL = 2.0  # mm, the largest side of the voxels that the body is looked for in, and the air left around it
 RADII = (8.0, 4.0, 2.0)  # mm, of the balls, the largest first
 ADULT = 200.0  # mm; lengths are smaller in the same ratio in a scan whose longest side is shorter
 ENOUGH = 0.75  # share of the largest body of all balls that the body of the chosen one has at least
+# mm; what the ball cuts off is a nose, an ear or a thin wall up to this length, with the streaks of fillings.
+SHORT = 130.0
 SIDES = 3  # on so many of four sides in a slice what is inside the body has tissue
 LEAST_AIR = 0.002  # share of the voxels that must be outside of the body
 BINS, ROUNDS = 1024, 100  # of the histogram that the threshold is sought in, and of the search
 CLIPPED = 0.5  # percent of the values at either end that do not count in the histogram
 REDUCED, FOUND = 0.4, 0.95  # shares of the time until voxels are larger, and until the body is found
 SAMPLES = 1 << 20  # voxels that are looked at
-# Share of the voxels shown that lie beside the body from which on these are hidden.  A head holder has 0.16, the tables
-# of two chests 0.02 and 0.30, what is around a heart that was cut out of its scan 0.007.
-LEAST_BESIDE = 0.015
+# Share of the voxels shown that lie beside the body from which on these are hidden.  A head holder has 0.16 to 0.23,
+# tables of two chests have 0.007 to 0.32 by the preset; of one with 0.0015 nothing is seen.
+LEAST_BESIDE = 0.006
 LEAST_SHOWN = 0.01  # opacity
 BODY = 1  # the label of the body
 NAMES = NamedLabel(BACKGROUND, "Background"), NamedLabel(BODY, "Body")
@@ -49,7 +51,7 @@ def hide_table(volume: Volume, transfer_function) -> Labels | None:
     -------
     Labels or None
         For ``Scene.labels``: 1 is the body, 0 is hidden. None for a volume that is not in HU or changes with time, if
-        no body is found, and if less than 1.5 % of the voxels shown lie beside it.
+        no body is found, and if less than 0.6 % of the voxels shown lie beside it.
     """
     return drain(hide_table_steps(volume, transfer_function))
 
@@ -67,8 +69,16 @@ def hide_table_steps(volume: Volume, transfer_function):
     shown = transfer_function.alpha_at(volume.physical(volume.voxels[every])) > LEAST_SHOWN
     if np.count_nonzero(shown & ~body[every]) < LEAST_BESIDE * max(np.count_nonzero(shown), 1):
         return None
-    found = replace(put_segment(empty_map(volume), BODY, body), named_labels=NAMES)
-    return Labels(found, {BACKGROUND: None})
+    return Labels(_map_of(volume, body), {BACKGROUND: None})
+
+
+def map_steps(volume: Volume):
+    """Generator of Progress: the label map of ``hide_table``, whatever is shown; RleSplatError without a body."""
+    return _map_of(volume, (yield from body_steps(volume)))
+
+
+def _map_of(volume: Volume, body) -> Volume:
+    return replace(put_segment(empty_map(volume), BODY, body), named_labels=NAMES)
 
 
 def body_steps(volume: Volume):
@@ -111,6 +121,7 @@ def body_steps(volume: Volume):
         raise RleSplatError(
             "No body with air around it was found in the scan; use Threshold to Segment with values of your own."
         )
+    body = _fill_sides(body | _short_parts(tissue & ~body, body, scale * SHORT / coarse.spacing[::-1]), _across(coarse))
     grown = yield from rescale(grow_steps(body, coarse.spacing, scale * VOXEL), FOUND, 1.0)
     grown &= body | ~tissue  # none of the table
     return _enlarge(grown, factors, volume.voxels.shape)
@@ -186,6 +197,22 @@ def _without_thin_parts(tissue: np.ndarray, depth: np.ndarray, coarse: Volume, r
     near = yield from rescale(grow_steps(core, spacing, radius + 1.5 * margin), 0.5, 0.9)
     yield Progress(0.9, "filling the body")
     return _fill_sides(tissue & near, _across(coarse))
+
+
+def _short_parts(cut: np.ndarray, body: np.ndarray, most) -> np.ndarray:
+    """The connected parts of ``cut`` that touch the body, have at most so many voxels along each axis, and do not reach
+    the volume's sides, where a part of a table is short, too."""
+    parts = label_parts(cut)
+    boxes = load("cc3d", CC3D).statistics(parts, no_slice_conversion=True)["bounding_boxes"].astype(int)
+    first, last = boxes[:, ::2], boxes[:, 1::2]
+    short = ((first > 0) & (last < np.array(cut.shape) - 1) & (last - first < most)).all(axis=1)
+    touching = np.zeros(len(short), bool)
+    for axis in range(3):
+        along, beside = np.moveaxis(parts, axis, 0), np.moveaxis(body, axis, 0)
+        touching[along[1:][beside[:-1]]] = touching[along[:-1][beside[1:]]] = True
+    short &= touching
+    short[0] = False  # outside of all parts
+    return short[parts]
 
 
 def _fill_sides(mask: np.ndarray, axes) -> np.ndarray:

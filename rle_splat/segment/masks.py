@@ -72,7 +72,7 @@ def _distances(mask: np.ndarray, spacing) -> np.ndarray:
     return edt.edt(np.ascontiguousarray(mask), anisotropy=steps, parallel=available_threads())
 
 
-def _components(mask: np.ndarray) -> np.ndarray:
+def label_parts(mask: np.ndarray) -> np.ndarray:
     """Number of the connected component of each voxel of a mask, from 1; 0 outside."""
     cc3d = load("cc3d", CC3D)
     check_memory(mask.size)
@@ -129,7 +129,7 @@ def connect_steps(mask: np.ndarray, seed):
         raise RleSplatError("Nothing is visible at this place; choose a voxel of a visible part.")
     yield Progress(0.0, "following what is connected")
     box = box_of(mask, (1, 1, 1))
-    components = _components(mask[box])
+    components = label_parts(mask[box])
     result = np.zeros_like(mask)
     yield Progress(0.9, "following what is connected")
     np.equal(components, components[tuple(n - one.start for n, one in zip((z, y, x), box))], out=result[box])
@@ -196,7 +196,7 @@ def fill_steps(mask: np.ndarray):
     """
     yield Progress(0.0, "filling holes")
     box, result = box_of(mask, (1, 1, 1)), mask.copy()
-    components = _components(~mask[box])
+    components = label_parts(~mask[box])
     is_open = np.zeros(int(components.max()) + 1, bool)  # whether a component reaches a side of the box
     for axis in range(3):
         for side in (0, -1):
@@ -216,7 +216,7 @@ def keep_largest_steps(mask: np.ndarray):
     """
     yield Progress(0.0, "looking for the largest part")
     box, result = box_of(mask, (1, 1, 1)), np.zeros_like(mask)
-    components = _components(mask[box])
+    components = label_parts(mask[box])
     yield Progress(0.6, "looking for the largest part")
     sizes = load("cc3d", CC3D).statistics(components, no_slice_conversion=True)["voxel_counts"]
     sizes[0] = 0  # outside of the mask

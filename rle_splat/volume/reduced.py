@@ -83,8 +83,27 @@ def _every(step: int, count: int) -> range:
     return range(min(step // 2, count // 2), count, step)
 
 
-def reduce_steps(volume: Volume, factors: tuple[int, int, int]):
-    """Generator of fractions done: average blocks of voxels.
+def average(parts: list) -> np.ndarray:
+    """Means of arrays of one shape, rounded for whole numbers."""
+    total = np.zeros(parts[0].shape)
+    for part in parts:
+        total += part
+    total /= len(parts)
+    return np.rint(total, out=total) if parts[0].dtype.kind in "iu" else total
+
+
+def majority(parts: list) -> np.ndarray:
+    """What more than half of some arrays of one shape hold; one of their values where none does (Boyer and Moore)."""
+    found, lead = parts[0].copy(), np.ones(parts[0].shape, np.int16)
+    for part in parts[1:]:
+        lead += np.where(part == found, np.int16(1), np.int16(-1))
+        np.copyto(found, part, where=lead < 0)
+        np.abs(lead, out=lead)
+    return found
+
+
+def reduce_steps(volume: Volume, factors: tuple[int, int, int], merge=average):
+    """Generator of fractions done: merge blocks of voxels.
 
     Parameters
     ----------
@@ -92,11 +111,13 @@ def reduce_steps(volume: Volume, factors: tuple[int, int, int]):
         Blocks that reach beyond its far faces are filled up with the voxels there.
     factors : (fx, fy, fz)
         Voxels along each side of a block.
+    merge : callable
+        ``average``, or ``majority`` for labels.
 
     Returns
     -------
     Volume
-        In the same place, read-only. Stored values have the volume's own type; means of whole numbers are rounded.
+        In the same place, read-only. Stored values have the volume's own type.
 
     Raises
     ------
@@ -110,15 +131,13 @@ def reduce_steps(volume: Volume, factors: tuple[int, int, int]):
     voxels = np.empty((nz, ny, nx), fine.dtype)
     for z in range(nz):
         yield z / nz
-        mean = fine[np.minimum(np.arange(z * fz, (z + 1) * fz), len(fine) - 1)].mean(axis=0, dtype=np.float64)
+        planes = [fine[min(plane, len(fine) - 1)] for plane in range(z * fz, (z + 1) * fz)]
         if any(map(any, beyond)):
-            mean = np.pad(mean, beyond, mode="edge")
-        # Along x first, in one pass over the plane's rows.
-        mean = mean.reshape(ny, fy, nx, fx).mean(axis=3, dtype=np.float64).mean(axis=1)
-        voxels[z] = np.rint(mean) if fine.dtype.kind in "iu" else mean
+            planes = [np.pad(plane, beyond, mode="edge") for plane in planes]
+        voxels[z] = merge([plane[y::fy, x::fx] for plane in planes for y in range(fy) for x in range(fx)])
     voxels.flags.writeable = False
     found = replace(volume, voxels=voxels, affine=volume.affine @ node_to_index(factors))
     # Its own voxels need not be read for a hash of them.
-    content = f"{volume.voxel_key} in blocks of {factors}"
+    content = f"{merge.__name__} of {volume.voxel_key} in blocks of {factors}"
     found.measured["voxel_key"] = hashlib.blake2b(content.encode(), digest_size=16).hexdigest()
     return found

@@ -36,7 +36,8 @@ def steep_pixels(
     ----------
     rgba : (H, W, 4) ndarray of float32
     threshold : float
-        A pixel is steep if any channel differs by at least this much among the pixel and its neighbors.
+        A pixel is steep if any channel differs by at least this much among the pixel and its neighbors. Up to
+        UNLIMITED all pixels are steep that are seen, or that have a neighbor that is.
     most : int
         Largest number of steep pixels per tile; those with the largest differences count, ties go to the first.
     first_pixel : (column, row)
@@ -51,7 +52,7 @@ def steep_pixels(
     """
     spread = np.empty(rgba.shape[:2], np.float32)
     run_either(threads, _spread, reference.find_spread, rgba.reshape(len(rgba), -1), spread)
-    steep = spread >= np.float32(threshold)
+    steep = (spread > 0.0) | (rgba[..., 3] > 0.0) if threshold <= UNLIMITED else spread >= np.float32(threshold)
     _leave_the_steepest(steep, spread, most, first_pixel)
     return steep
 

@@ -10,9 +10,11 @@ from benchmarks.frames import view_scene
 from benchmarks.lamps import under
 from benchmarks.scenes import shells
 from benchmarks.side_by_side import SUBJECTS, Subject
+from rle_splat.classify.transfer_function import Shade
 from rle_splat.pipeline.render import render
 from rle_splat.runtime.jit import compiled
 from rle_splat.scene import Quality
+from rle_splat.volume.volume import Volume
 
 TITLE = round(24 * side_by_side.TITLE)
 
@@ -70,6 +72,30 @@ def test_a_volume_whose_first_slice_is_on_top_is_turned(monkeypatch):
     turned = side_by_side.read(Subject("scan.nii", "ct-bone", (0, 0), turned=True)).voxels
     for axis in (0, 1):
         np.testing.assert_array_equal(turned.take(0, axis), np.flip(volume.voxels, (0, 1)).take(0, axis))
+
+
+def test_what_lies_beside_the_body_is_left_out(tmp_path, monkeypatch):
+    z, y, x = np.ogrid[:60, :60, :60]
+    body, table = (z - 30) ** 2 + (y - 24) ** 2 + (x - 30) ** 2 < 18**2, (y >= 54) & (y < 56) & (z > 0)
+    volume = Volume(np.where(body | table, 400, 10).astype(np.uint16), np.diag((2.0, 2.0, 2.0, 1.0)))
+    monkeypatch.setattr(side_by_side, "FOLDER", tmp_path)
+    monkeypatch.setattr(side_by_side, "read_volume", lambda path: volume)
+    subject = Subject("scan.nii", "ct-bone", (0, 0), alone=True)
+    for _ in range(2):  # found, and as it was kept
+        np.testing.assert_array_equal(side_by_side.read(subject).voxels, np.where(body, volume.voxels, 10))
+    assert [path.name for path in tmp_path.iterdir()] == ["scan.nii.body.npy"]
+
+
+def test_vtk_shows_what_normals_are_made_of(monkeypatch):
+    scene, shown = view_scene(*shells(24), (30, 10), 24), []
+    voxels = np.zeros((31, 31, 31), np.uint8)
+    voxels[15, 15, 15] = 200
+    function = replace(scene.transfer_function, shade=replace(Shade(), smoothness=2.0))
+    point = replace(scene, volume=Volume(voxels, np.eye(4)), transfer_function=function)
+    monkeypatch.setattr(side_by_side, "draw_vtk", lambda scene, _: shown.append(scene.volume) or (None, 1.0))
+    side_by_side.draw_vtk_smoothed(point, None)
+    line = shown[0].voxels[15, 15, 15:]
+    np.testing.assert_allclose(line[:6] / line[0], np.exp(-0.5 * (np.arange(6) / 2.0) ** 2), rtol=1e-5)
 
 
 def test_an_area_lamp_is_as_bright_as_the_sun():

@@ -32,8 +32,8 @@ def operator_properties(name: str):
 
 
 class Recorder:
-    """A layout whose log gets (function, main argument), then ("control", (data, name)) for a property, ("text", ...)
-    and ("icon", ...) where they are given; and (name, value) where an attribute of the layout is set."""
+    """A layout whose log gets (function, main argument), then ("control", (data, name)) for a property, ("text", ...),
+    ("icon", ...) and ("value", ...) where they are given; and (name, value) where an attribute of the layout is set."""
 
     def __init__(self, log):
         object.__setattr__(self, "log", log)
@@ -70,7 +70,7 @@ class Recorder:
         self.log.append((function.identifier, main))
         if "data" in arguments and "property" in arguments:
             self.log.append(("control", (_struct(arguments["data"]), arguments["property"])))
-        self.log.extend((name, arguments[name]) for name in ("text", "icon") if arguments.get(name))
+        self.log.extend((name, arguments[name]) for name in ("text", "icon", "value") if arguments.get(name))
         made = [self._output(entry, arguments) for entry in function.parameters if entry.is_output]
         return made[0] if len(made) == 1 else tuple(made) or None
 

@@ -1,10 +1,10 @@
-"""A recording for the README in a real window, by simulated mouse and keys: import, preset, Remove Table, a cut, F12.
+"""A recording for the README in a real window, by simulated mouse and keys: import, preset, a cut, a slice, F12.
 
-    python3 dev.py blender --photograph tests/blender/record_readme.py --size 1120x760
+    python3 dev.py blender --photograph tests/blender/record_readme.py --size 1024x700
 
 writes recording.webp, and pictures of the how-to guides, into build/window-shots/record_readme.  The scan is that of
 tests/blender/data/scan, files named *.dcm, if there is such a folder, else the practice CT.  An arrow is drawn where
-the simulated mouse is.
+the simulated mouse is.  Every frame shows a refined picture: what was waited for is cut out.
 """
 
 import os
@@ -19,10 +19,10 @@ from pathlib import Path
 import bpy
 import numpy as np
 from bpy_extras.view3d_utils import location_3d_to_region_2d
-from mathutils import Euler, Vector
+from mathutils import Euler, Matrix, Vector
 
 from tests.blender.real_blender import MODULE
-from tests.blender.user_steps import find_button, middle, press, settled, simulate
+from tests.blender.user_steps import find_button, middle, press, scroll_sidebar, settled, simulate
 from tests.blender.window_driver import (
     SHOTS,
     area_of,
@@ -41,16 +41,19 @@ from tests.blender.window_driver import (
 SCAN = Path(__file__).parent / "data" / "scan"
 FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_recording_"))
 CENTISECONDS, HOLD = 7, 20  # of a frame; frames for which a step stands still
-WIDTH, QUALITY = 920, 80
+WIDTH, QUALITY = 920, 84
 FONT = "/usr/share/fonts/truetype/dejavu/DejaVuSans.ttf"
 ARROW = ((0, 0), (0, 17), (4, 13), (7, 20), (10, 19), (7, 12), (12, 12))  # pixels from the mouse, down
-STEPS, COLUMN = 11, 82  # of a drag; pixels between buttons of presets
+STEPS, COLUMN, DOWN = 14, 82, 12  # of a drag; pixels between buttons of presets; turns of the wheel to Cut, then Slices
 TOWARD = (-1.5, -1.55, 0.66)  # where the camera is, from the middle of the scan, in sizes of it
 NEARER = 0.5  # than Frame, which shows the whole box
 OPAQUE, SHIFT, GROW, SMOOTH = 0.05, -100.0, 2.0, 2.0  # mm, HU, mm, mm: thin walls are whole and opaque
-HEAD, OPEN, LIVE = "560x510+100+130", "560x510+100+130", "500x460+130+175"  # of a frame
-STILLS = {  # pictures of the pages: the frames side by side and the part of each; the height in pixels
-    "how-to-table": (("imported", HEAD), ("no-table", HEAD)), "how-to-presets": (("preset", "1120x760+0+0"),),
+SHORTER, AHEAD = 0.8, -0.0125  # of the slice, toward the front in meters: the head holder is beyond it
+COLUMNS = 45, 105, 190  # of buttons, pixels from the sidebar's right edge
+LEVEL, WINDOW, BEFORE = 575.0, 850.0, 0.001  # HU, of the slice, and how far it lies before the cut, in meters
+OPEN, LIVE = "560x490+100+160", "500x460+130+175"  # of a frame
+STILLS = {  # pictures of the pages: the frames side by side and the part of each
+    "how-to-presets": (("preset", "1024x700+0+0"),),
     "how-to-cut": (("whole", OPEN), ("cut", OPEN)), "how-to-live": (("draft", LIVE), ("refined", LIVE)),
 }  # fmt: skip
 shown = []  # of each photograph: how long it is shown, in frames, its caption, and the pixel of the mouse
@@ -64,10 +67,7 @@ def point(kind: str, value: str, at) -> None:
 
 
 def frame(times: int = 1, caption: str = "", name: str = ""):
-    """Keep what the window shows at once: a draft, as a user sees it while something moves.
-
-    Without a ``caption`` the one before stays.  ``name``: in STILLS.
-    """
+    """Keep what the window shows.  Without a ``caption`` the one before stays.  ``name``: in STILLS."""
     yield from photograph(f"frame-{len(shown):03}")
     if name:
         folder = Path(os.environ[SHOTS])
@@ -75,8 +75,8 @@ def frame(times: int = 1, caption: str = "", name: str = ""):
     shown.append((times, caption or shown[-1][1], tuple(mouse)))
 
 
-def drag(button: str, begin, end, caption: str = "", name: str = ""):
-    """Drag from one pixel of the window to another, a frame for each step; the last has the name."""
+def drag(button: str, begin, end, caption: str = "", draft: str = ""):
+    """Drag from one pixel of the window to another, a frame for each step; ``draft``: a photograph on the way."""
     begin, end = np.array(begin, float), np.array(end, float)
     for at in (begin - 1, begin):
         point("MOUSEMOVE", "NOTHING", at)
@@ -87,7 +87,10 @@ def drag(button: str, begin, end, caption: str = "", name: str = ""):
     for step in range(1, STEPS + 1):
         point("MOUSEMOVE", "NOTHING", begin + (end - begin) * step / STEPS)
         yield
-        yield from frame(name=name if step == STEPS else "")
+        if draft and step == STEPS // 2:
+            yield from photograph(draft)
+        yield from settled()
+        yield from frame(2)
     point(button, "RELEASE", end)
     yield
     yield from settled()
@@ -95,7 +98,7 @@ def drag(button: str, begin, end, caption: str = "", name: str = ""):
 
 def click(command: str, argument: str, caption: str, left: int = 0):
     """Press a button of the sidebar, or what is so many pixels on its left."""
-    at = np.subtract((yield from find_button(command, argument)), (left, 0))
+    at = np.subtract((yield from find_button(command, argument, COLUMNS)), (left, 0))
     point("MOUSEMOVE", "NOTHING", at)
     yield from frame(HOLD // 3, caption)
     yield from press("LEFTMOUSE", at)
@@ -121,7 +124,7 @@ def studio(volume) -> None:
     from gallery_studio import COLD, Stage, softbox_world
 
     stage, settings = Stage.of(volume, FOLDER), bpy.context.scene.rle_splat
-    stage.camera(TOWARD, lens=80.0, aim=(0.06, -0.06, -0.03))
+    stage.camera(TOWARD, lens=64.0, aim=(0.04, -0.06, -0.07))
     stage.sweep(TOWARD, stage.foot, (0.05, 0.055, 0.065))
     stage.key(2.9, (-1.73, -0.9, 1.5))
     stage.area("Rim", 60.0, (1.6, 1.4, 1.2), COLD)
@@ -138,17 +141,29 @@ def studio(volume) -> None:
 
 
 def cut(volume):
-    """A box whose right face is dragged by its handle to the middle of the head."""
-    with in_the_view():
-        assert bpy.ops.rle_splat.add_clip(kind="BOX") == {"FINISHED"}
+    """A box whose right face is dragged by its handle to the middle of the head, and a slice before the cut."""
+    yield from scroll_sidebar(DOWN)
+    yield from click("bpy.ops.rle_splat.add_clip", "BOX", "Add a box")
     box = bpy.context.view_layer.objects.active
-    yield from settled()
     before = box.matrix_world.copy()
     face = box.matrix_world @ Vector((-1.0, 0.0, 0.0))
     middle_of = sum(corners_of(volume), Vector()) / 2
-    yield from drag("LEFTMOUSE", pixel_of(face), pixel_of((middle_of.x - 0.006, face.y, face.z)),
-                    "Add a box and drag its face")  # fmt: skip
+    yield from drag("LEFTMOUSE", pixel_of(face), pixel_of((middle_of.x - 0.006, face.y, face.z)), "Drag its face")
     assert box.matrix_world != before, "the handle was missed"
+    yield from frame(HOLD, name="cut")
+    ours = volume.rle_splat
+    ours.slices_follow_window, ours.slices_clear_black = False, True
+    ours.slice_center, ours.slice_width = LEVEL, WINDOW
+    face = box.matrix_world @ Vector((-1.0, 0.0, 0.0))
+    yield from scroll_sidebar(DOWN)
+    yield from click("bpy.ops.rle_splat.add_slice", "sagittal", "Add a slice: gray values on the cut")
+    made = bpy.context.view_layer.objects.active
+    made.scale[max((0, 1), key=lambda axis: abs(made.matrix_world.col[axis].y))] *= SHORTER
+    to_cut = Vector((face.x - BEFORE - made.matrix_world.translation.x, AHEAD, 0.0))
+    bpy.context.view_layer.update()
+    made.matrix_world = Matrix.Translation(to_cut) @ made.matrix_world
+    yield from settled()
+    yield from frame(HOLD)
 
 
 def rendered():
@@ -168,7 +183,8 @@ def scenario():
         import_module("devtools.practice_ct").write_series(scan)
     bpy.context.preferences.view.render_display_type = "AREA"
     bpy.context.preferences.system.use_region_overlap = False  # the sidebar stands beside the view
-    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_display", "RLE_SPLAT_PT_presets", "RLE_SPLAT_PT_clip_objects")
+    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_display", "RLE_SPLAT_PT_presets", "RLE_SPLAT_PT_clip_objects",
+                "RLE_SPLAT_PT_slices")  # fmt: skip
     yield from new_file()
     with bpy.context.temp_override(window=window(), area=area_of("PROPERTIES")):
         bpy.ops.screen.area_close()
@@ -180,7 +196,7 @@ def scenario():
     point("MOUSEMOVE", "NOTHING", middle(60.0))
     yield from frame(HOLD, "Blender, an empty scene")
     with in_the_view():  # as Blender calls it for a file that is dropped
-        bpy.ops.rle_splat.import_volume("INVOKE_DEFAULT", filepath=str(min(scan.iterdir())), hide_table=False)
+        bpy.ops.rle_splat.import_volume("INVOKE_DEFAULT", filepath=str(min(scan.iterdir())))
     yield
     yield from frame(HOLD, "Drop a file of a DICOM series")
     yield from press("RET", middle(60.0))
@@ -190,24 +206,24 @@ def scenario():
     view.region_3d.view_distance *= NEARER
     yield from settled()
     yield from wait_for_rest()  # with the pictures of presets
-    yield from frame(HOLD, "It stands at the patient's place, in true size", "imported")
+    volume.select_set(False)  # its frame is orange while it is selected
+    yield from settled()
+    yield from frame(HOLD, "In true size, and the head holder is hidden")
     yield from click("bpy.ops.rle_splat.apply_preset", "ct-muscle", "Click a preset")
     yield from frame(HOLD)
     yield from click("bpy.ops.rle_splat.apply_preset", "ct-soft-tissue", "Click a preset", COLUMN)
     yield from frame(HOLD, name="preset")
     assert volume.rle_splat.transfer_name == "CT Bone"
     with in_the_view():
-        assert bpy.ops.rle_splat.remove_table() == {"FINISHED"}
         assert bpy.ops.rle_splat.change_segment(tool="GROW", length=GROW) == {"FINISHED"}
     ours = volume.rle_splat
     ours.shift_by, ours.opacity_unit_distance, ours.smoothness = SHIFT, OPAQUE, SMOOTH
     yield from settled()
-    yield from frame(HOLD, "Remove the table", "no-table")
-    yield from drag("MIDDLEMOUSE", middle(-50.0), middle(120.0), "Turn the view: it is live", "draft")
+    yield from frame(HOLD, "Shift -100 HU: thin bone is whole")
+    yield from drag("MIDDLEMOUSE", middle(-50.0), middle(120.0), "Turn the view", "draft")
     yield from frame(HOLD // 2, name="refined")
     yield from frame(1, name="whole")
     yield from cut(volume)
-    yield from frame(HOLD, name="cut")
     studio(volume)
     with in_the_view():
         assert bpy.ops.rle_splat.composite() == {"FINISHED"}

@@ -3,15 +3,16 @@
     python3 dev.py blender --photograph tests/blender/record_times.py --size 1280x800
 
 prints medians in milliseconds, for a scan of 256 voxels along each side with a mesh inside, in Solid shading with
-overlays; then among meshes of 100,352 triangles with scene lights and shadows; then the walk of an edit, from Blender's
-event to the redraw.  Times are processor time of the main thread, but for the stages of a picture, which are of the
-clock.  It asserts no time: what a software driver draws takes longer than on any graphics card.
+overlays; then the walk of an edit, from Blender's event to the redraw, and our functions in an idle second; then among
+meshes of 100,352 triangles with scene lights and shadows.  Times are processor time of the main thread, but for the
+stages of a picture, which are of the clock.  It asserts no time: what a software driver draws takes
+longer than on any graphics card.
 """
 
 import sys
 import tempfile
 import time
-from collections import defaultdict
+from collections import Counter, defaultdict
 from importlib import import_module
 from math import radians
 from pathlib import Path
@@ -196,6 +197,30 @@ def follow_an_edit(volume):
         print(f"  {place}: {function}", flush=True)
 
 
+def rest():
+    """Print our functions that Blender calls in a second without edits, with a backdrop that follows the scene."""
+    with in_the_view():
+        bpy.ops.object.camera_add(location=(0.13, -0.6, 0.13), rotation=(radians(90.0), 0.0, 0.0))
+        bpy.context.scene.camera = bpy.context.object
+        bpy.context.view_layer.objects.active = next(one for one in bpy.data.objects if one.rle_splat.is_volume)
+        assert bpy.ops.rle_splat.set_backdrop(follow=True) == {"FINISHED"}
+    yield from settled()
+    timer = import_module(f"{MODULE}.bridge.loop.timer")
+    while bpy.app.timers.is_registered(timer._tick):
+        yield
+    found, end = Counter(), time.perf_counter() + 1.0
+
+    def note(frame, event, _argument):
+        if event == "call" and "/rle_splat/" in frame.f_code.co_filename:
+            found[frame.f_code.co_filename.partition("/rle_splat/")[2] + ": " + frame.f_code.co_name] += 1
+
+    sys.setprofile(note)
+    while time.perf_counter() < end:
+        yield
+    sys.setprofile(None)
+    print(f"\nidle second: {found.total()} calls {dict(found)}", flush=True)
+
+
 def has_picture(call: dict) -> bool:
     """Whether a picture was finished in a call; a draft that takes longer than a bite ends in a timer."""
     return "picture" in call
@@ -238,6 +263,7 @@ def scenario():
     yield from settled()
     follow_an_edit(volume)
     yield from settled()
+    yield from rest()
     yield from among_meshes(meter)
     yield from photograph("among_meshes")
     passed("times")

@@ -190,7 +190,7 @@ def test_the_backdrop_shows_a_draft_and_is_put_back(volume, slow, start):
     operator, window = start("set_backdrop", **options)
     while not operator._is_draft_shown:
         operator.modal(window, TIMER)
-    assert (camera.background_images[1].display_depth, camera.background_images[1].alpha) == ("FRONT", 1.0)
+    assert not np.array_equal(scenes.image_pixels(entry.image), former), "no draft in the image"
     operator.modal(window, ESC)
     entry = camera.background_images[1]
     assert (entry.display_depth, entry.alpha) == ("BACK", 0.5)
@@ -227,29 +227,29 @@ def test_scripts_and_background_mode_have_none(volume, slow, bridge, monkeypatch
 
 @pytest.fixture
 def timeline(volume, slow, bridge, monkeypatch):
-    """A following backdrop whose camera moves from frame 1 to 2, with the user scrubbing."""
-    scene, camera, following = bpy.context.scene, bpy.context.scene.camera, bridge("pictures.live_backdrop")
+    """The queue, with a following backdrop whose camera moves from frame 1 to 2 while the user scrubs."""
+    scene, camera, work = bpy.context.scene, bpy.context.scene.camera, bridge("loop.work")
     for frame, x in ((1, 40.0), (2, 50.0), (3, 30.0)):
         camera.location.x = x
         camera.keyframe_insert("location", frame=frame)
     scene.frame_set(1)
     bpy.ops.rle_splat.set_backdrop(follow=True)
-    monkeypatch.setattr(following, "is_moving", lambda: True)
-    monkeypatch.setattr(following, "is_playing", lambda: False)
+    monkeypatch.setattr(bridge("pictures.update"), "_is_moving", lambda: True)
     monkeypatch.setattr(bpy.app.timers, "register", lambda *_args, **_options: None)  # the test ticks by itself
-    yield following
-    following.stop()
+    yield work
+    work.stop()
 
 
 def backdrop_pixels():
     return scenes.image_pixels(bpy.data.images["ball Splat Backdrop"])
 
 
-def tick(following, most=5000):
+def tick(work, most=5000):
     """The timer's calls to the end; the pictures that were shown."""
     shown = [backdrop_pixels()]
+    work._pictures.update({name: one._replace(due=0.0) for name, one in work._pictures.items()})
     for _ in range(most):
-        again = following._tick()
+        again = work._tick()
         if not np.array_equal(backdrop_pixels(), shown[-1]):
             shown.append(backdrop_pixels())
         if again is None:
@@ -287,19 +287,43 @@ def test_the_next_frame_drops_what_is_not_done(timeline):
     np.testing.assert_array_equal(backdrop_pixels(), made)
 
 
-def test_while_playing_nothing_is_refined(timeline, monkeypatch):
-    monkeypatch.setattr(timeline, "is_playing", lambda: True)
+def test_a_draft_is_replaced_when_the_scene_is_again_as_it_was(timeline):
+    scene, first = bpy.context.scene, backdrop_pixels()
+    scene.frame_set(2)
+    assert not np.array_equal(backdrop_pixels(), first), "a draft of frame 2"
+    scene.frame_set(1)
+    np.testing.assert_array_equal(tick(timeline)[-1], first)
+
+
+def test_while_frames_change_nothing_is_refined(timeline):
     bpy.context.scene.frame_set(2)
     draft = backdrop_pixels()
-    assert timeline._tick() == timeline.WAIT
+    assert 0.0 < timeline._tick() <= 0.2
     np.testing.assert_array_equal(backdrop_pixels(), draft)
-    monkeypatch.setattr(timeline, "is_playing", lambda: False)
     assert len(tick(timeline)) > 1
 
 
-def test_a_refinement_that_fails_blanks_and_says_why(timeline, monkeypatch):
-    bpy.context.scene.frame_set(2)
-    failing = (1 / 0 for _ in range(1))
-    monkeypatch.setattr(timeline, "_unfinished", [one._replace(steps=failing) for one in timeline._unfinished])
-    assert timeline._tick() is None
+def test_an_edit_is_followed_by_the_timer_alone(timeline, bridge, monkeypatch):
+    """The draft of an edit, too, is made in steps, so that the window does not wait for it."""
+    update, before = bridge("pictures.update"), backdrop_pixels()
+    monkeypatch.setattr(update, "_is_moving", lambda: False)
+    monkeypatch.setattr(update, "_attending", [True])  # background mode follows an event at once
+    bpy.context.scene.camera.data.ortho_scale *= 1.5
+    update.follow(bpy.context.scene, bpy.context.evaluated_depsgraph_get(), later=True)
+    np.testing.assert_array_equal(backdrop_pixels(), before)
+    assert len(tick(timeline)) == 3, "as it was, the draft, the picture"
+
+
+def test_a_refinement_that_fails_blanks_and_says_why(timeline, bridge, monkeypatch):
+    def fail(*_arguments, **_wishes):
+        yield bridge("loop.work").Progress(0.0, "")
+        raise ValueError
+
+    update = bridge("pictures.update")
+    monkeypatch.setattr(update, "_is_moving", lambda: False)
+    monkeypatch.setattr(update, "_attending", [True])
+    monkeypatch.setattr(update.render_scene, "steps", fail)
+    bpy.context.scene.camera.data.ortho_scale *= 1.5
+    update.follow(bpy.context.scene, bpy.context.evaluated_depsgraph_get(), later=True)
+    tick(timeline)
     assert backdrop_pixels().max() == 0.0 and "could not be rendered" in bpy.context.scene.rle_splat.message

@@ -62,7 +62,6 @@ def test_without_a_volume_no_object_is_looked_at(bridge, index, capfd):
         assert poll_all() > 60  # a redraw of panels and handles
         bridge("live.letters")._draw()
         assert not bridge("live.shown").has_volumes(bpy.context.scene)
-        bridge("pictures.update")._tick()  # an idle second
     assert "AttributeError" not in capfd.readouterr().err
 
 

@@ -262,8 +262,11 @@ def test_a_framebuffer_that_is_too_small_or_empty_gives_no_depth(size, depth, ex
     found = looked.ends(view.view_of(request.matrices), (2, 3, 38, 29))
     assert (found is not None) == expected
     if expected:
-        slow = surface.BlenderSurface(bpy.context, request, Framebuffer(size, depth), [1.0] * surface.MOST_WAITS)
+        waits = [1.0] * surface.MOST_WAITS
+        slow = surface.BlenderSurface(bpy.context, request, Framebuffer(size, depth), waits)
         assert slow.ends(view.view_of(request.matrices), (2, 3, 38, 29)) is None, "a driver that waits is asked again"
+        assert slow.ends(view.view_of(request.matrices), (2, 3, 38, 29)) is not None, "it is not asked again later"
+        assert len(waits) == surface.MOST_WAITS and waits[-1] < surface.WAITS
 
 
 def test_draw_handlers_are_added_in_order_and_all_removed(live, bridge, monkeypatch):

@@ -1,90 +1,28 @@
 """What a viewport does from redraw to redraw, with a clock, matrices and depths of the test's own."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from tests.blender.stand_ins import SIZE, contents_of, finish, make, modules_of, request_of
+
 pytestmark = pytest.mark.usefixtures("by_numpy")
-
-SIZE = 48, 40
-SIDE = 8  # voxels
-
-
-class Clock:
-    """Seconds that pass when told to."""
-
-    def __init__(self):
-        self.now = 100.0
-
-    def __call__(self):
-        return self.now
-
-
-class Surface:
-    """Stands in for Blender: contents, and depths as of the test."""
-
-    def __init__(self, contents):
-        self.held, self.depth, self.hiding, self.reads, self.with_triangles = contents, None, True, 0, []
-
-    def hides(self):
-        return self.hiding
-
-    def contents(self, request, with_triangles):
-        self.with_triangles.append(with_triangles)
-        return dict(zip(request.volumes, self.held, strict=True))
-
-    def ends(self, view, _part):
-        return None if self.depth is None else np.full((view.height, view.width), self.depth, np.float32)
 
 
 @pytest.fixture
 def live(bridge):
-    return SimpleNamespace(**{name: bridge(f"live.{name}") for name in ("view", "frames", "viewport")})
+    return modules_of(bridge)
 
 
 @pytest.fixture
 def contents(live, core):
-    """One volume of one color, about the origin."""
-    volume = core("volume.volume").Volume(np.full((SIDE,) * 3, 100, np.uint8), np.eye(4))
-    transfer = core("classify.transfer_function").TransferFunction(
-        opacity=((0.0, 0.2), (255.0, 0.2)), color=((0.0, 0.8, 0.4, 0.2), (255.0, 0.8, 0.4, 0.2)), shade=None
-    )
-    scene = core("scene")
-    placed = np.eye(4)
-    placed[:3, 3] = -0.5 * (SIDE - 1)
-    plain = scene.Scene(volume, transfer, scene.Camera(), 1, 1, placed, headlight=False)
-    half = 0.5 * SIDE
-    corners = np.array([(x, y, z) for x in (-half, half) for y in (-half, half) for z in (-half, half)])
-    return live.frames.Contents(plain, scene.Quality(), "first", corners)
-
-
-def request_of(live, distance=30.0, volumes=("one",), **more):
-    """A view along -Z from a distance."""
-    view = np.eye(4)
-    view[2, 3] = -distance
-    window = np.diag((2.0, 2.4, -1.002, 0.0))
-    window[2, 3], window[3, 2] = -0.2002, -1.0
-    matrices = live.view.Matrices(tuple(view.ravel()), tuple(window.ravel()), *SIZE, clip=(0.1, 100.0))
-    return live.viewport.Request(matrices, volumes, **more)
+    return contents_of(live, core)
 
 
 @pytest.fixture
 def made(live, contents, core):
-    clock = Clock()
-    viewport = live.viewport.Viewport(core("pipeline.stage_cache").StageCache(), clock)
-    return viewport, clock, Surface([contents])
-
-
-def finish(viewport, clock):
-    """Let a timer work until there is nothing left to do."""
-    for _ in range(200):
-        if not viewport.is_busy:
-            return
-        clock.now += viewport.wait()
-        viewport.work()
-    raise AssertionError("the work does not end")
+    return make(live, contents, core)
 
 
 def test_a_draft_comes_at_once_and_the_picture_when_all_is_still(live, made):
@@ -137,19 +75,6 @@ def test_the_refined_picture_is_that_of_render(live, made, contents, core):
     assert whole[..., 3].sum() == pytest.approx(picture.rgba[..., 3].sum()), "the part leaves something out"
 
 
-def test_a_depth_that_comes_late_is_found_by_the_redraw_after_the_refinement(live, made):
-    viewport, clock, surface = made
-    surface.depth = np.inf
-    viewport.redraw(request_of(live), 1, surface)
-    finish(viewport, clock)
-    surface.depth = 29.0
-    viewport.redraw(request_of(live), 1, surface)
-    assert viewport.counts["drafts"] == 2
-    finish(viewport, clock)
-    viewport.redraw(request_of(live), 1, surface)
-    assert viewport.counts["drafts"] == 2 and not viewport.is_busy
-
-
 def test_an_unchanged_redraw_makes_nothing_and_is_looked_at_once_more_when_all_is_still(live, made):
     viewport, clock, surface = made
     viewport.redraw(request_of(live), 1, surface)
@@ -163,21 +88,6 @@ def test_an_unchanged_redraw_makes_nothing_and_is_looked_at_once_more_when_all_i
     assert viewport.work(), "no redraw is asked for"
     viewport.redraw(request_of(live), 1, surface)
     assert viewport.counts["reads"] == before["reads"] + 1 and viewport.version == version and not viewport.is_busy
-
-
-def test_a_depth_that_comes_soon_after_the_last_look_is_found(live, made):
-    viewport, clock, surface = made
-    surface.depth = np.inf
-    viewport.redraw(request_of(live), 1, surface)
-    finish(viewport, clock)
-    viewport.redraw(request_of(live), 1, surface)  # looks after the refinement
-    surface.depth = 29.0  # as when a shader is ready
-    clock.now += 0.1
-    viewport.redraw(request_of(live), 1, surface)
-    clock.now += viewport.wait()
-    assert viewport.work() and viewport.counts["drafts"] == 1
-    viewport.redraw(request_of(live), 1, surface)
-    assert viewport.counts["drafts"] == 2
 
 
 def test_an_event_that_changes_nothing_makes_no_picture(live, made):
@@ -320,60 +230,6 @@ def test_a_user_may_have_drafts_only_and_of_half_the_pixels(live, made):
     finish(viewport, clock)
     assert viewport.is_refined and viewport.counts["refinements"] == 1
     assert rows_of_view(viewport) == pytest.approx(SIZE[1])
-
-
-def test_depths_are_compared_where_they_were_read(live, bridge):
-    """Of a small part of a view a change must not be too small a share of all pixels to count."""
-
-    def differ(*depths):
-        found = [None if one is None else bridge("live.frames").Ends(one, None, part) for one in depths]
-        return live.viewport._ends_differ(*found)
-
-    ends = np.full((40, 50), np.inf, np.float32)
-    other = ends.copy()
-    part = 10, 10, 20, 20
-    other[12:15, 12:15] = 3.0
-    assert differ(ends, other) and not differ(ends, ends.copy())
-    assert differ(ends, None) and not differ(None, None)
-    one = ends.copy()
-    one[12, 12] = 3.0
-    assert not differ(ends, one), "a pixel in 2000 is what an engine's samples move"
-
-
-def test_pictures_go_to_the_driver_without_their_transparent_border(live):
-    whole = np.zeros((20, 30, 4), np.float32)
-    whole[5:9, 12:20] = 0.5
-    whole[7, 29, 2] = 0.1  # at the right edge, without opacity
-    rgba, crop = live.frames.without_border(whole, (100, 200, 130, 220))
-    assert crop == (111, 204, 130, 210) and rgba.shape == (6, 19, 4) and rgba.flags.c_contiguous
-    np.testing.assert_array_equal(rgba, whole[4:10, 11:])
-    blank, same = live.frames.without_border(np.zeros_like(whole), (100, 200, 130, 220))
-    assert blank.shape == whole.shape and same == (100, 200, 130, 220)
-
-
-@pytest.mark.parametrize("coarseness, count", [(0, 3), (1, 3), (None, 1)])
-def test_depths_are_prepared_in_steps_of_their_own(live, core, contents, coarseness, count):
-    """Without lines of the floor: one step looks for them, and for a draft another one widens what is behind."""
-    shot = live.frames.shot_of(request_of(live).matrices, [contents])
-    drawn = np.full(SIZE[::-1], 30.0, np.float32)
-    ends = live.frames.Ends(drawn, shot.view, shot.part, has_floor=True)
-    cache = core("pipeline.stage_cache").StageCache()
-    messages = [step.message for step in live.frames.picture_steps(shot, ends, cache, coarseness)]
-    assert [message == live.frames.READING for message in messages] == [n < count for n in range(len(messages))]
-
-
-def test_depth_ends_rays_and_without_one_triangles_do(live, made):
-    viewport, _clock, surface = made
-    surface.depth = 30.0
-    viewport.redraw(request_of(live), 1, surface)
-    half = viewport.pictures[0].rgba[..., 3].max()
-    surface.depth = None
-    viewport.redraw(request_of(live, drawn=("RENDERED",)), 1, surface)
-    whole = viewport.pictures[0].rgba[..., 3].max()
-    assert surface.with_triangles == [False, False, True] and half < whole - 0.1
-    depths = viewport.counts["depths"]
-    viewport.redraw(request_of(live, 31.0, drawn=("RENDERED",)), 1, surface)
-    assert viewport.counts["depths"] == depths, "it asks again at every redraw"
 
 
 def test_a_volume_out_of_the_view_is_no_work(live, made):

@@ -7,6 +7,8 @@ import bpy
 import numpy as np
 import pytest
 
+from tests.blender.test_panels import draw_all
+
 MRML = """<MRML>
 <VolumeProperty name="Red" shade="1" scalarOpacity="4 10 0 200 0.5" colorTransfer="4 0 1 0 0"/>
 <VolumeProperty name="Blue/Green" shade="0" scalarOpacity="4 10 0 200 0.5" gradientOpacity="4 0 0.5 255 1"
@@ -180,6 +182,18 @@ def test_a_patient_is_offered_no_plants_or_machines(volume_object, bridge):
         properties.space = space
         found = {entry.name for group in bridge("look.preset_entries").groups(properties) for entry in group.entries}
         assert found & of_things == offered, space
+
+
+def test_a_patients_segment_is_offered_none_of_them(volume_object, bridge, monkeypatch, tmp_path):
+    path = tmp_path / "labels.raw"
+    np.ones_like(bridge("volumes.volumes").load_volume(volume_object).voxels, np.uint8).tofile(path)
+    volume_object.rle_splat.label_file = str(path)
+    assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
+    for space, offered in (("patient", set()), ("voxel", {"ct-botanical", "ct-industrial"})):
+        volume_object.rle_splat.space = space
+        log = draw_all(monkeypatch)
+        values = {value for kind, value in log if kind == "value"}
+        assert "ct-bone" in values and values & {"ct-botanical", "ct-industrial"} == offered
 
 
 def test_names_of_presets_for_a_modality_fit_under_three_pictures_in_a_row(volume_object, bridge):

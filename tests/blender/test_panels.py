@@ -69,6 +69,7 @@ def test_every_state_is_drawn(state, monkeypatch, tmp_path):
 def test_everything_that_draws_is_drawn(volume_object, monkeypatch, addon):
     """Every panel and menu, every dialog and the preferences, and the line in File > Import."""
     volume_object.rle_splat.frame_count = 2  # otherwise it has no panel Time
+    volume_object.rle_splat.labels.add()
     drawn = {name for kind, name in draw_all(monkeypatch) if kind == "draws"}
     kinds = (bpy.types.Panel, bpy.types.Menu, bpy.types.Header, bpy.types.Operator, bpy.types.AddonPreferences)
     with_draw = {cls.__name__ for cls in of_addon(*kinds) if inspect.isfunction(getattr(cls, "draw", None))}

@@ -1,6 +1,7 @@
 """Volumes in time: which frame is shown, each rendered frame shows its own, and how many are kept in memory."""
 
 from importlib import import_module
+from types import SimpleNamespace
 
 import bpy
 import numpy as np
@@ -140,11 +141,88 @@ def test_the_next_frame_is_read_ahead(owner, bridge, core):
     volumes = bridge("volumes.volumes")
     shown_at(bridge, owner, (2,))
     assert not volumes.is_at_hand(owner, ahead=1)
-    core("runtime.steps").drain(volumes.load_ahead_steps(owner))
+    core("runtime.steps").drain(volumes.load_ahead_steps(owner, 1))
     assert volumes.is_at_hand(owner, ahead=1) and entries(bridge) == 2
-    assert shown_at(bridge, owner, (3,)) == [3] and entries(bridge) == 1
-    core("runtime.steps").drain(volumes.load_ahead_steps(owner))
-    assert shown_at(bridge, owner, (1,)) == [1] and entries(bridge) == 1  # after a jump nothing old stays
+    assert shown_at(bridge, owner, (3, 1)) == [3, 1] and entries(bridge) == 2  # that frame stays
+    bpy.data.objects.remove(owner)
+    bridge("loop.store").forget_deleted()
+    assert not entries(bridge)
+
+
+@pytest.fixture
+def playing(bridge, monkeypatch):
+    """A list whose item says whether the animation plays, which lasts as long as that of a window."""
+    state = [True]
+    monkeypatch.setattr(bridge("loop.work"), "is_playing", lambda: state[0])
+    return state
+
+
+def test_playback_reads_the_frames_that_come_next(owner, bridge, playing):
+    """Reading takes two frames of the timeline: it reads what is shown when it is done, and that stays."""
+    work, scene = bridge("loop.work"), bpy.context.scene
+    owner.rle_splat.playback, scene.frame_start, scene.frame_end = "LOOP", 1, 4
+    bridge("loop.store").forget_all()
+    there = []
+    for _ in range(3):
+        for frame in range(1, 5):
+            scene.frame_set(frame)
+            there.append(not work.want(owner))
+            if frame % 2:
+                work._tick()
+            else:
+                run_timer_once_read(work)
+    assert not any(there[:4]) and sum(there[4:8]) >= 2 and all(there[8:]), there
+    assert shown_at(bridge, owner, range(1, 5)) == [1, 2, 3, 4]
+    work.stop()
+
+
+def run_timer_once_read(work) -> None:
+    """Let the timer function run until a reading is done."""
+    for _ in range(1000):
+        if not work._queue:
+            return
+        work._tick()
+    raise AssertionError("the reading does not end")
+
+
+def test_a_frame_that_is_late_is_shown_when_playback_stops(owner, bridge, playing):
+    work, scene, volumes = bridge("loop.work"), bpy.context.scene, bridge("volumes.volumes")
+    bridge("loop.store").forget_all()
+    scene.frame_set(3)
+    assert work.want(owner) and work._behind and not work._queue
+    playing[0] = False
+    tagged = []
+    while work._tick() is not None:
+        tagged.append(True)
+    assert not work._behind and not work._queue
+    assert work.want(owner) and work._queue, "as the update that it was tagged for does"
+    run_timer(work)
+    assert volumes.is_at_hand(owner)
+    work.stop()
+
+
+@pytest.mark.parametrize("now, ahead, expected", [(1, 1, 2), (3, 1, 4), (4, 1, 2), (4, 4, 2), (9, 1, 2), (0, 1, 1)])
+def test_playback_begins_again_after_the_last_frame(now, ahead, expected, bridge):
+    scene = bpy.context.scene
+    scene.frame_start, scene.frame_end = 2, 4
+    scene.frame_set(now)
+    assert now + bridge("data.playback").frames_until(scene, ahead) == expected
+
+
+def test_frames_read_ahead_go_when_memory_is_short(owner, bridge, core, monkeypatch):
+    """The oldest first, not the newest or the one that is shown."""
+    store, volumes = bridge("loop.store"), bridge("volumes.volumes")
+    app = SimpleNamespace(background=False, is_job_running=lambda kind: False)
+    monkeypatch.setattr(store, "bpy", SimpleNamespace(app=app, context=bpy.context))
+    monkeypatch.setattr(store, "_shown_objects", lambda: {owner.session_uid})
+    monkeypatch.setattr(store, "MOST_BYTES", 3 * N**3)
+    assert value_now(bridge, owner) == 1
+    for ahead in (1, 2, 3):
+        core("runtime.steps").drain(volumes.load_ahead_steps(owner, ahead))
+    assert [volumes.is_at_hand(owner, ahead=ahead) for ahead in range(4)] == [True, False, True, True]
+    monkeypatch.setattr(store, "MOST_BYTES", 1)
+    core("runtime.steps").drain(volumes.load_ahead_steps(owner, 1))
+    assert [volumes.is_at_hand(owner, ahead=ahead) for ahead in range(4)] == [True, True, False, False]
 
 
 @pytest.mark.parametrize("playback, name, keys", [
@@ -270,15 +348,31 @@ def test_frames_of_one_file_survive_a_reload(tmp_path, bridge):
     assert shown_at(bridge, owner, (2,)) == [2]
 
 
-def test_labels_of_fewer_frames_than_the_scan_are_said(tmp_path, capfd):
+@pytest.mark.parametrize("scan, organs, sentence", [
+    (3, 2, "has 2 volumes and the scan 3; beyond them the last one is shown"),
+    (2, 3, "has 3 volumes and the scan 2; the first 2 are shown"),
+    (1, 3, "has 3 volumes and the scan 1; the first is shown"), (3, 1, ""), (2, 2, ""),
+])  # fmt: skip
+def test_labels_of_another_number_of_frames_are_said(scan, organs, sentence, tmp_path, capfd, bridge):
+    """Each frame shows the labels of its own number, or else the last ones."""
     nibabel = pytest.importorskip("nibabel")
-    for name, frames in (("beat", 3), ("organs", 2)):
-        voxels = np.ones((N, N, N, frames), np.uint8)
-        nibabel.save(nibabel.Nifti1Image(voxels, np.eye(4)), tmp_path / f"{name}.nii.gz")
+    for name, frames in (("beat", scan), ("organs", organs)):
+        voxels = np.ones((N, N, N, frames), np.uint8) * np.arange(1, frames + 1, dtype=np.uint8)
+        image = nibabel.Nifti1Image(voxels if frames > 1 else voxels[..., 0], np.eye(4))
+        nibabel.save(image, tmp_path / f"{name}.nii.gz")
     assert bpy.ops.rle_splat.import_volume(filepath=str(tmp_path / "beat.nii.gz")) == {"FINISHED"}
-    bpy.context.view_layer.objects.active.rle_splat.label_file = str(tmp_path / "organs.nii.gz")
+    owner = bpy.context.view_layer.objects.active
+    owner.rle_splat.label_file = str(tmp_path / "organs.nii.gz")
     assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
-    assert "has 2 volumes and the scan 3; beyond them the last one is shown" in capfd.readouterr().out
+    said = capfd.readouterr().out
+    assert sentence in said and bool(sentence) == ("The label file has" in said)
+    shown = []
+    for frame in range(1, scan + 1):
+        bpy.context.scene.frame_set(frame)
+        volume, depsgraph = bridge("volumes.volumes").load_volume(owner), bpy.context.evaluated_depsgraph_get()
+        function = bridge("look.transfer").read_transfer(owner, depsgraph)
+        shown.append(int(bridge("volumes.labels").read_labels(owner, depsgraph, volume, function).volume.voxels.max()))
+    assert shown == [min(frame, organs) for frame in range(1, scan + 1)]
 
 
 @pytest.mark.parametrize("frames", [3, 1])
@@ -315,7 +409,7 @@ def test_labels_follow_the_frame_of_a_file_in_time(frames, tmp_path, bridge, cor
         assert loading.is_at_hand(owner, depsgraph)
     assert found == ([[1, 0], [0, 2], [3, 0], [3, 0], [1, 0]] if frames > 1 else 5 * [[1, 0]])
     assert len(keys) == frames
-    core("runtime.steps").drain(loading.load_ahead_steps(owner))  # of frame 2
+    core("runtime.steps").drain(loading.load_ahead_steps(owner, 1))  # of frame 2
     assert len(store._entries) == (4 if frames > 1 else 3)
     bpy.context.scene.frame_set(2)
     assert loading.is_at_hand(owner, bpy.context.evaluated_depsgraph_get())

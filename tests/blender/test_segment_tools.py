@@ -19,6 +19,18 @@ BONE_AT = 12, 16, 20  # a voxel, x, y, z
 OPACITY = [[60.0, 0.0], [80.0, 0.5], [255.0, 0.5]]
 
 
+each_tool = pytest.mark.parametrize(
+    "tool, options",
+    [
+        ("remove_table", {}), ("keep_connected", {"voxel": BONE_AT, "value": 180.0}),
+        ("threshold_segment", {"low": 80.0, "high": 130.0}),
+        *(("change_segment", {"tool": tool, "length": 6.0})
+          for tool in ("GROW", "SHRINK", "SMOOTH", "FILL", "LARGEST", "INVERT")),
+    ],
+    ids=lambda given: given if isinstance(given, str) else given.get("tool", ""),
+)  # fmt: skip
+
+
 def scan():
     """A body with two separate bones in it, one of them smaller, above a table; 5 mm voxels."""
     z, y, x = np.indices((N, N, N)) - 0.5 * (N - 1)
@@ -180,16 +192,7 @@ def test_the_file_is_beside_the_blend_and_none_is_overwritten(owner, tmp_path):
     assert [name for _, name, _ in rows_of(opened)] == ["Background", "200 to 255"]
 
 
-@pytest.mark.parametrize(
-    "tool, options",
-    [
-        ("remove_table", {}), ("keep_connected", {"voxel": BONE_AT, "value": 180.0}),
-        ("threshold_segment", {"low": 80.0, "high": 130.0}),
-        *(("change_segment", {"tool": tool, "length": 6.0})
-          for tool in ("GROW", "SHRINK", "SMOOTH", "FILL", "LARGEST", "INVERT")),
-    ],
-    ids=lambda given: given if isinstance(given, str) else given.get("tool", ""),
-)  # fmt: skip
+@each_tool
 def test_undo_brings_the_segments_of_before_back(owner, tool, options):
     bpy.ops.ed.undo_push(message="before")
     run(bpy.ops.rle_splat.threshold_segment, low=200.0, high=255.0)
@@ -246,17 +249,26 @@ def test_a_scan_without_contrast_and_one_that_is_missing(addon, refused, tmp_pat
     refused(bpy.ops.rle_splat.remove_table, "No body with air around it was found")
 
 
-def test_it_is_done_in_steps_that_can_be_stopped(owner, bridge, core):
-    """What a window does from a timer; what Esc leaves is no file and no label."""
-    segments, volumes = bridge("volumes.segments"), bridge("volumes.volumes")
-    body_steps = core("segment.body").body_steps
-    volume = volumes.load_volume(owner)
-    steps = segments.change_steps(owner, volume, lambda _labels, _shown: body_steps(volume), name="Body")
-    fractions = [next(steps).fraction for _ in range(30)]
-    assert fractions == sorted(fractions) and fractions[-1] < 0.9
-    path = segments._free_path(owner.name)
-    steps.close()
-    assert not os.path.exists(path) and not owner.rle_splat.labels and not owner.rle_splat.label_file
+@each_tool
+def test_it_is_done_in_steps_that_can_be_stopped(owner, bridge, core, tool, options, monkeypatch, capfd):
+    """What a window does from a timer; Esc leaves no file, and segments as they were."""
+    run(bpy.ops.rle_splat.threshold_segment, low=200.0, high=255.0)
+    file, before, fractions = owner.rle_splat.label_file, rows_of(owner), []
+    there = os.listdir(os.path.dirname(file))
+
+    def stop_before_the_end(steps):
+        for step in steps:
+            fractions.append(step.fraction)
+            if step.fraction > 0.9:  # while the file is written
+                steps.close()
+                raise core("scene").Cancelled
+
+    monkeypatch.setattr(bridge("loop.jobs"), "drain", stop_before_the_end)
+    assert getattr(bpy.ops.rle_splat, tool)(**options) == {"CANCELLED"}
+    assert fractions == sorted(fractions) and len(fractions) > 10
+    assert "Canceled; nothing was changed." in capfd.readouterr().out
+    assert owner.rle_splat.label_file == file and rows_of(owner) == before
+    assert os.listdir(os.path.dirname(file)) == there
 
 
 def test_reports_of_pictures_count_with_the_new_labels(owner):

@@ -276,7 +276,7 @@ def test_a_dragged_slice_has_fewer_pixels_and_is_made_in_full_when_it_is_still(o
     image = one.rle_splat.slice_image
     assert image.size[0] * image.size[1] <= 12
     for _ in range(20):
-        if follow._refine() is None:
+        if bridge("loop.work")._tick() is None:
             break
     assert gray_of(one).shape == full.shape
     np.testing.assert_allclose(gray_of(one), shown(layer(voxels, 2, NZ // 2 + 1)), atol=1e-6)

@@ -298,3 +298,9 @@ def test_real_files(formats, core, name, shape, spacing, remarks):
     function, reason = core("classify.default").default_transfer_function(volume)
     assert "smoke" in reason
     assert 0.05 < (function.alpha_at(volume.voxels) > 0.0).mean() < 0.3
+
+
+def test_a_medium_too_small_for_openvdb_gives_a_sentence(core, refusal, tmp_path):
+    made = core("read.vdb_medium").MediumFile(1.0)
+    with pytest.raises(refusal, match="raise Scene Scale"):
+        made.save(tmp_path / "small.vdb", np.diag((1e-7, 1e-7, 1e-7, 1.0)))

@@ -101,6 +101,18 @@ def confirm_browser(folder, name=""):
     yield
 
 
+def scroll_sidebar(turns: int):
+    """Turn the mouse wheel over the add-on's tab, down for positive ``turns``."""
+    region = region_of(area_of("VIEW_3D"), "UI")
+    at = (region.x + region.width // 3, region.y + region.height // 2)
+    simulate("MOUSEMOVE", "NOTHING", at)
+    yield
+    for _ in range(abs(turns)):
+        simulate("WHEELDOWNMOUSE" if turns > 0 else "WHEELUPMOUSE", "PRESS", at)
+        yield
+    yield from settled()
+
+
 def find_button(command: str, argument: str = "", columns=FROM_EDGE):
     """The place in the window of a button or a setting of the sidebar; ``command``: how its Python command begins, or
     the end of its data path; ``argument``: one of its arguments; ``columns``: pixels from the sidebar's right edge."""

@@ -188,9 +188,12 @@ def check_drafts():
 
 
 def check_following():
-    """A backdrop that follows gets drafts while the animation plays, and the picture itself once it rests."""
+    """A backdrop that follows gets drafts while the animation plays, and the picture itself once it rests.
+
+    It needs no timer after that.
+    """
     scene = bpy.context.scene
-    following = import_module(f"{MODULE}.bridge.pictures.live_backdrop")
+    work = import_module(f"{MODULE}.bridge.loop.work")
     volume = next(other for other in bpy.data.objects if other.rle_splat.is_volume)
     scene.frame_start, scene.frame_end = 1, 50
     for frame, x in ((1, 0.0), (50, 4.0)):
@@ -201,16 +204,18 @@ def check_following():
     image = bpy.data.images[next(name for name in bpy.data.images.keys() if name.endswith("Backdrop"))]
     with in_the_view():
         bpy.ops.screen.animation_play()
-    yield from until(lambda: following._unfinished)
-    assert following.is_playing()
+    yield from until(lambda: work._pictures)
+    assert window().screen.is_animation_playing
     with in_the_view():
         bpy.ops.screen.animation_cancel(restore_frame=False)
     draft = pixels_of(image).copy()
-    yield from until(lambda: not following._unfinished)
+    yield from until(lambda: not work._pictures)
     refined = pixels_of(image).copy()
     assert np.abs(refined - draft).max() > TOLERANCE
     scene.frame_set(scene.frame_current)
     np.testing.assert_array_equal(pixels_of(image), refined)
+    timer = import_module(f"{MODULE}.bridge.loop.timer")
+    yield from until(lambda: not bpy.app.timers.is_registered(timer._tick))
 
 
 def redraws(region, act):

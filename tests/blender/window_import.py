@@ -168,7 +168,8 @@ def check_chooser():
 
 
 def check_playback():
-    """After a frame change the next frame is read ahead; a followed backdrop shows its frame."""
+    """After a frame change the next frame is read ahead, during playback all of them one after another; a followed
+    backdrop shows its frame."""
     yield from new_file()
     for frame in range(1, 5):  # darker and darker: a brighter one would look as the first does
         (FOLDER / f"beat_{frame:02d}.raw").write_bytes(bytes([250 - 50 * frame]) * 64**3)
@@ -182,7 +183,24 @@ def check_playback():
         bpy.context.scene.frame_set(frame)
         ours.load_volume(owner)
         yield from until(lambda: ours.is_at_hand(owner, ahead=1))
-        assert len(import_module(f"{MODULE}.bridge.loop.store")._entries) == 2
+    scene, reads = bpy.context.scene, []
+    scene.frame_start, scene.frame_end, owner.rle_splat.playback = 1, 4, "LOOP"
+    store, live = import_module(f"{MODULE}.bridge.loop.store"), import_module(f"{MODULE}.bridge.live")
+    viewport = next(iter(live._lives.values())).viewport
+    drafts = viewport.counts["drafts"]
+    store.forget_all()
+    with in_the_view():
+        bpy.ops.screen.animation_play()
+    yield from until(lambda: all(ours.is_at_hand(owner, ahead=n) for n in range(4)))
+    yield from until(lambda: viewport.counts["drafts"] > drafts + 8)
+    load = ours.file_steps
+    ours.file_steps = lambda *given: reads.append(given) or load(*given)
+    drafts = viewport.counts["drafts"]
+    yield from until(lambda: viewport.counts["drafts"] > drafts + 8)
+    ours.file_steps = load
+    assert not reads, "a second round reads nothing"
+    with in_the_view():
+        bpy.ops.screen.animation_play()
     yield from check_followed(ours, owner)
 
 

@@ -136,7 +136,7 @@ def linked_volume():
 
 
 def edited_by_a_script():
-    """6: a curve moved from Python, which no event tells of, is followed."""
+    """6: colors set by a script are followed; points of a curve, of which Blender sends no event, once it is tagged."""
     yield from scene_with_camera()
     owner = add_ball("ball")
     backdrop(follow=True)
@@ -147,6 +147,9 @@ def edited_by_a_script():
         element.color = (0.1, 0.4, 1.0, 1.0)
     yield from until(lambda: np.abs(scenes.image_pixels(settings().image) - before).max() > 0.1)
     yield from photograph("06-after-a-scripts-edit")
+    scenes.lower_curve(owner)
+    owner.rle_splat.transfer.update_tag()
+    yield from until(lambda: scenes.image_pixels(settings().image)[..., 3].max() == 0.0)
 
 
 def meshes_occlude():

@@ -19,7 +19,7 @@ import bpy
 import numpy as np
 from mathutils import Euler
 
-from tests.blender.user_steps import middle, press, settled, simulate
+from tests.blender.user_steps import middle, press, scroll_sidebar, settled
 from tests.blender.window_driver import (
     SHOTS,
     area_of,
@@ -29,7 +29,6 @@ from tests.blender.window_driver import (
     open_panels,
     passed,
     photograph,
-    region_of,
     until,
     wait_for_rest,
     window,
@@ -38,6 +37,7 @@ from tests.blender.window_driver import (
 SCAN = Path(__file__).parent / "data" / "scan"
 PANELS = ("display", "presets", "clip_objects", "slices", "picture", "shading")  # that are open
 SHIFT, GROW, OPAQUE = -100.0, 2.0, 0.05  # HU, mm, mm: thin walls are whole and opaque
+DULL = 0.0, 0.75  # specular and diffuse: a cut that faces the headlight is not burnt white
 LEVEL, WINDOW = 750.0, 500.0  # HU, of the slice
 DOWN = 25  # turns of the wheel from the first panel to Cut, Slices and Render
 STRIP = (  # the gallery's strip, after the slices: photographs, and the part of each
@@ -69,18 +69,6 @@ def camera_to_view():
     scene.camera = camera
     camera.matrix_world = area_of("VIEW_3D").spaces.active.region_3d.view_matrix.inverted()
     area_of("VIEW_3D").spaces.active.region_3d.view_perspective = "CAMERA"
-
-
-def scroll_sidebar(turns: int):
-    """Turn the mouse wheel over the add-on's tab, down for positive ``turns``."""
-    region = region_of(area_of("VIEW_3D"), "UI")
-    at = (region.x + region.width // 3, region.y + region.height // 2)
-    simulate("MOUSEMOVE", "NOTHING", at)
-    yield
-    for _ in range(abs(turns)):
-        simulate("WHEELDOWNMOUSE" if turns > 0 else "WHEELUPMOUSE", "PRESS", at)
-        yield
-    yield from settled()
 
 
 def save_strip(folder: Path) -> None:
@@ -159,6 +147,7 @@ def scenario():
     with in_the_view():
         assert bpy.ops.rle_splat.clip_to_view() == {"FINISHED"}
     scene.rle_splat.ambient_occlusion = 1.0
+    volume.rle_splat.specular, volume.rle_splat.diffuse = DULL
     scene.rle_splat.quality = "fine"
     bpy.context.view_layer.objects.active = volume
     area_of("VIEW_3D").spaces.active.region_3d.view_perspective = "ORTHO"

@@ -243,3 +243,29 @@ def test_a_table_is_hidden_where_a_scan_is_first_seen(call, tmp_path, write_json
 
     assert shows() == shows("--preset", "ct-bone") == (False, True)
     assert shows("--keep-table") == shows("--transfer-function", function) == (True, True)
+
+    figure, again = tmp_path / "figure.png", tmp_path / "again.png"
+    scan = words.replace("--size 64 ", "").split()
+    made = [call("figure", tmp_path / "ct.raw", *scan, "-o", figure, *more) for more in ((), ("--keep-table",), ())]
+    assert [("--keep-table" in one.out, one.code) for one in made] == [(True, 0), (False, 0), (True, 0)]
+    result = call("figure", figure.with_suffix(".figure.json"), "-o", again)
+    assert result.code == 0 and "bit-identical" in result.out and figure.read_bytes() == again.read_bytes()
+    (tmp_path / "ct.raw").rename(tmp_path / "moved.raw")
+    result = call("figure", figure.with_suffix(".figure.json"), "-o", again, "--data", tmp_path / "moved.raw")
+    assert result.code == 0 and "bit-identical" in result.out
+
+
+@pytest.mark.parametrize("scan, organs, sentence", [
+    (3, 2, "has 2 volumes and the scan 3; beyond them the last one is shown"),
+    (1, 3, "has 3 volumes and the scan 1; the first is shown"), (3, 1, ""), (3, 3, ""),
+])  # fmt: skip
+def test_labels_of_another_number_of_frames_are_said(scan, organs, sentence, call, tmp_path):
+    nibabel = pytest.importorskip("nibabel")
+    for name, frames in (("beat", scan), ("organs", organs)):
+        voxels = np.ones((8, 8, 8, frames), np.uint8) * np.arange(1, frames + 1, dtype=np.uint8)
+        image = nibabel.Nifti1Image(voxels if frames > 1 else voxels[..., 0], np.eye(4))
+        nibabel.save(image, tmp_path / f"{name}.nii.gz")
+    more = ("--frame", "3") if scan == 3 else ()
+    result = call("render", tmp_path / "beat.nii.gz", "--labels", tmp_path / "organs.nii.gz", "--preset", "window",
+                  "--size", "16", "-o", tmp_path / "out.png", *more)  # fmt: skip
+    assert result.code == 0 and sentence in result.out and bool(sentence) == ("The label file has" in result.out)

@@ -114,7 +114,7 @@ def test_each_test_runs_in_one_stage(stages):
     runs, table = stages(False)
     folders = {file.relative_to(TESTS).parts[0] for file in TESTS.rglob("test_*.py")}
     core = {name.removeprefix("core, "): words for name, (_, words) in runs.items() if name.startswith("core, ")}
-    assert set(core) == folders - {"blender", "stability"} | {"unit without kernels"}
+    assert set(core) == folders - {"blender", "stability"} | {"without kernels"}
     before = [str(path) for path in testing.WITHOUT_KERNELS]
     words = core.pop(testing.WITHOUT_KERNELS_STAGE.removeprefix("core, "))
     assert set(before) < set(words) and all(map(os.path.isfile, before))

@@ -175,6 +175,17 @@ def test_steep_pixels_are_those_of_which_neighbors_differ():
             assert (found == expected).all()
 
 
+def test_up_to_five_levels_all_that_is_seen_is_traced():
+    """An even square: its inside, where no neighbors differ, and the pixels around it."""
+    rgba = np.zeros((9, 12, 4), np.float32)
+    rgba[2:7, 3:9] = 0.4
+    expected = np.zeros((9, 12), bool)
+    expected[1:8, 2:10] = True
+    for found in both(lambda: steep_pixels(rgba, steepness.UNLIMITED)):
+        assert (found == expected).all()
+    assert not steep_pixels(rgba, 1.01 * steepness.UNLIMITED)[4, 5]
+
+
 def test_small_pictures_may_have_all_their_pixels_traced_and_large_ones_a_quarter():
     assert most_in_tile(1, 1, 0.5) >= most_in_tile(256, 256, 0.5) == TILE**2
     assert most_in_tile(512, 256, 0.5) == TILE**2 // 2

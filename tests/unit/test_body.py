@@ -67,6 +67,16 @@ def test_a_table_that_touches_the_body_is_cut_off():
     assert kept > 0.995 and left < 0.1
 
 
+def test_a_nose_is_no_table_but_a_board_that_touches_the_body_is():
+    values, body, table = chest(gap=1.0)
+    x, y, z = places()
+    nose = ellipse(x, y, 0.0, -100.0, 6.0, 22.0) & (np.abs(z) < 14.0) & ~body  # 12 mm wide, 22 long
+    values[nose] = 40.0
+    found = drain(body_steps(volume_of(values)))
+    assert found[body].mean() > 0.995 and found[nose].all()
+    assert found[table & (np.abs(x) > 40.0) & (z < 1e9)].mean() < 0.01
+
+
 def test_what_is_beyond_the_field_of_view_is_air():
     values, body, table = chest()
     x, y, _ = places()

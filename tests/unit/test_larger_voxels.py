@@ -1,5 +1,7 @@
 """Volumes with half as many voxels along each side, and pictures of volumes that are too large."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,9 +11,9 @@ from rle_splat.pipeline.fitting import HALVED, TOO_LARGE, fitting_steps
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.steps import drain
-from rle_splat.scene import Labels, Quality, RleSplatError, Scene, TooLargeError
+from rle_splat.scene import Channel, Labels, Quality, RleSplatError, Scene, TooLargeError
 from rle_splat.view.turntable import turntable
-from rle_splat.volume.reduced import factors_of, reduce_steps, sample_steps
+from rle_splat.volume.reduced import factors_of, majority, reduce_steps, sample_steps
 from rle_splat.volume.volume import Volume
 
 pytestmark = pytest.mark.usefixtures("by_numpy")  # no kernels to compile
@@ -157,10 +159,27 @@ def test_what_is_too_large_is_halved_and_that_is_kept(monkeypatch):
         drain(fitting_steps(scene, QUALITY, StageCache()))
 
 
-def test_labels_belong_to_the_volume_s_own_voxels(monkeypatch):
-    scene = scene_of(ball())
-    labels = Volume((scene.volume.voxels > 50).astype(np.uint8), scene.volume.affine)
-    hidden = Scene(scene.volume, scene.transfer_function, scene.camera, 96, 96, scene.volume_matrix,
-                   labels=Labels(labels, {1: None}))  # fmt: skip
-    _, halvings = drain(fitting_steps(hidden, QUALITY, StageCache(), 1))
-    assert halvings == 0
+@pytest.mark.parametrize("classification", ("pre", "post"))
+def test_labels_and_channels_are_halved_with_the_volume(classification):
+    """Half of the ball is hidden, the other in a color of its own; a channel shines beside it."""
+    scene, quality = scene_of(ball()), QUALITY.classified(classification)
+    z, y, x = np.indices((N, N, N))
+    halves = replace(scene.volume, voxels=(scene.volume.voxels > 50) * (1 + (x + y + z < 3 * N // 2)).astype(np.uint8))
+    block = replace(scene.volume, voxels=(100 * (np.maximum(abs(x - 20), abs(y - 20)) < 12)).astype(np.uint8))
+    red = replace(scene.transfer_function, color=((0, 0.9, 0.0, 0.0),))
+    labeled = replace(scene, labels=Labels(halves, {1: None, 2: red}))
+    for mixed in (labeled, replace(scene, channels=(Channel(block, red),))):
+        whole = render(mixed, quality).rgba
+        coarse, halvings = drain(fitting_steps(mixed, quality, StageCache(), 1))
+        assert halvings == 1
+        assert coarse.rgba[..., 3].sum() == pytest.approx(whole[..., 3].sum(), rel=0.06)
+        added = np.abs(whole - render(scene, quality).rgba).mean()
+        assert np.abs(coarse.rgba - whole).mean() < 0.3 * added
+
+
+def test_a_larger_voxel_has_the_label_of_most():
+    blocks = np.zeros((2, 2, 4), np.int32)
+    blocks[:, :, :2] = np.array((7, 2**31 - 1, 7, -5, 7, -5, 7, 7)).reshape(2, 2, 2)
+    blocks[:, :, 2:] = np.array((-5, 1, -5, 1, -5, -5, 2, -5)).reshape(2, 2, 2)
+    coarse = drain(reduce_steps(Volume(blocks, np.eye(4)), HALVED, majority))
+    assert coarse.voxels.tolist() == [[[7, -5]]]

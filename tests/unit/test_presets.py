@@ -73,6 +73,13 @@ def test_every_preset_is_sound(name):
     assert all(0.0 <= channel <= 1.0 for _, *rgb in function.color for channel in rgb)
 
 
+@pytest.mark.parametrize("name", [name for name in PRESETS if preset(name).shade is not None])
+def test_what_faces_the_lamp_is_not_burnt_white(name):
+    function = preset(name)
+    light, lit = function.shade, max(channel for _, *color in function.color for channel in color)
+    assert (light.ambient + light.diffuse) * lit + light.specular <= 1.2
+
+
 def test_an_unknown_preset_lists_those_there_are():
     with pytest.raises(RleSplatError, match=r"ct-bones.*ct-bone.*smoke"):
         preset("ct-bones")
@@ -90,6 +97,14 @@ def test_other_values_get_the_points_on_their_percentiles():
     function, remark = fit_preset("ct-bone", volume)
     assert function.span == (10.0, 999.0)  # 1 % of 0..1000 do not exceed 10, 99.9 % do not exceed 999
     assert "10 to 999" in remark and "ct-bone" in remark
+
+
+def test_padding_below_air_does_not_move_a_preset():
+    voxels = np.linspace(-1000, 1000, 1000).astype(np.int16)
+    voxels[:200] = -3024
+    low, high = fit_preset("x-ray", volume_of(voxels.reshape(10, 10, 10), value_unit="HU"))[0].span
+    assert low == -1030.0 and 990.0 < high <= 1000.0
+    assert fit_preset("x-ray", volume_of(voxels.reshape(10, 10, 10)))[0].span[0] == -3024.0
 
 
 def test_fitting_survives_values_that_are_nearly_all_alike():
