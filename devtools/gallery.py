@@ -28,6 +28,7 @@ class Shot:
 SHOTS = {
     "skull": Shot("a skull of plastic, cut open, with a titanium plate", (1600, 1200), 4),
     "aorta": Shot("a dissected aorta with the names of its segments, on a slice of the same CT", (1400, 1050), 12),
+    "nuclei": Shot("nuclei above a slice of their own confocal stack, one in mitosis", (1400, 1050), 12),
     "light": Shot("six scans as they are imported, and under the light of a recipe", (340, 300), 1),
     "lamps": Shot("a skull as it is imported, and with a key, a fill and a rim light", (400, 380), 1),
 }

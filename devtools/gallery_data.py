@@ -77,4 +77,10 @@ def skull(folder: Path):
     return min(series.iterdir()), {}, series.name
 
 
+def nuclei(folder: Path):
+    """Nuclei in a confocal stack, whose file does not give the spacing, with a label map of them."""
+    path = _asked_for("fluorescence/nuclei_256x256x60_uint16.tif")
+    return path, {"use_file_spacing": False, "spacing": (0.26, 0.26, 0.29), "length_unit_given": "um"}, path.name
+
+
 light = lamps = skull  # the first of light's scans
