@@ -7,6 +7,7 @@ from ..bridge.volumes import encoded, labels, volumes
 from ..operators.change_segment import TOOLS
 from .places import OfVolume, paragraph
 
+ALONE_SHARE = 0.45  # of the width, for Show Alone
 NAME_SHARE = 0.75  # of a row's width that the segment's name takes
 SWATCH = 1.2  # width of a color, in buttons
 ROWS = 6
@@ -85,9 +86,9 @@ class RLE_SPLAT_PT_labels(OfVolume, bpy.types.Panel):
         )
         if properties.active_label < len(properties.labels):
             chosen = properties.labels[properties.active_label]
-            row = layout.row(align=True)
+            row = layout.split(factor=ALONE_SHARE, align=True)
             row.operator("rle_splat.solo_label", text="Show Alone", icon="SOLO_ON").label = chosen.label
-            row.operator("rle_splat.color_anatomy", icon="COLOR")
+            row.operator("rle_splat.color_anatomy")
             label = next(label for name, label, _ in labels.FUNCTION_ITEMS if name == chosen.look)
             layout.menu(RLE_SPLAT_MT_label_functions.__name__, text=label)
             layout.prop(chosen, "use_color")
