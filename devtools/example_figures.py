@@ -100,8 +100,9 @@ def command_lines(folder: Path) -> list[list[str]]:
     return [
         *pet_lines(folder),
         [*page, *views, "-o", str(folder / "figure-skull.svg"), "-o", str(folder / "figure-skull.png")],
-        [*page, *turn, "--sides", "off", "--scale-bar", "off", "--no-color-bar", "--caption", "",
-         "--dpi", "200", "-o", str(folder / "how-to-turn.png")],
+        [*page, *turn, *(word for turned, _ in TURN for word in ("--title", f"{turned}°")), "--sides", "off",
+         "--scale-bar", "off", "--no-color-bar", "--caption", "", "--dpi", "200",
+         "-o", str(folder / "how-to-turn.png")],
         *(["render", *skull, *CLOSE, "--quality", quality, "-o", str(folder / f"how-to-{quality}.png")]
           for quality in ("draft", "fine")),
         ["render", *skull, *OBLIQUE, "--size", str(SMALL), "-o", str(folder / "whole.png")],

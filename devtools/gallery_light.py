@@ -33,7 +33,7 @@ class Recipe:
 
 def _bone(stage: Stage) -> None:
     stage.lamp("Sun", "SUN", 3.0, (-1.4, -1.3, 1.3), WARM, angle=0.05)
-    stage.area("Rim", 40.0, (1.6, 1.4, 0.8), COLD)
+    stage.area("Rim", 40.0, (1.6, 1.4, 0.8), COLD, use_shadow=True)
     stage.settings.ambient_occlusion = 0.7
 
 
@@ -67,13 +67,13 @@ def _values(stage: Stage) -> None:
     ours.window_center, ours.window_width = 450.0, 1300.0
 
 
-OPAQUE = {"opacity_unit_distance": 0.05, "smoothness": 2.0}
+OPAQUE = {"opacity_unit_distance": 0.05, "smoothness": 2.0, "shift_by": -100.0}  # mm, mm, HU: thin bone is whole
 VESSELS = {"preset": "ct-angiography"}
 RECIPES = (
-    Recipe("bone", SKULL, _bone, {"preset": "ct-bone"}, OPAQUE, aim=(0.0, 0.0, -0.03), lens=85.0),
+    Recipe("bone", SKULL, _bone, {"preset": "ct-bone"}, OPAQUE, aim=(0.0, 0.0, -0.06), lens=72.0),
     Recipe("soft", AORTA, _soft, VESSELS),
-    Recipe("studio", SKULL, _studio, {"preset": "ct-bone"}, OPAQUE, (-1.1, -1.6, 0.3), (0.0, 0.0, -0.03), 85.0),
-    Recipe("skin", HEAD, _skin, {"preset": "mr-head"}, {"smoothness": 2.0}, aim=(0.0, 0.0, -0.14), lens=62.0),
+    Recipe("studio", SKULL, _studio, {"preset": "ct-bone"}, OPAQUE, (-1.1, -1.6, 0.3), (0.0, 0.0, -0.06), 72.0),
+    Recipe("skin", HEAD, _skin, {"preset": "mr-head"}, {"smoothness": 2.0}, (0.8, -1.85, -0.2), lens=62.0),
     Recipe("smoke", "smoke_fog.vdb", _smoke, aim=(0.0, 0.0, -0.05)),
     Recipe("values", AORTA, _values, VESSELS),
 )
@@ -82,8 +82,14 @@ RECIPES = (
 LAMPS = (  # watts, size and place of area lights, in parts of the scan's longest side; watts for a side of 1 m
     ("key", 60.0, 1.0, (-1.4, -1.3, 1.3), WARM, True),
     ("fill", 12.0, 2.0, (1.8, -1.2, 0.3), COLD, False),
-    ("rim", 90.0, 1.0, (1.2, 1.6, 1.2), COLD, False),
+    ("rim", 90.0, 1.0, (1.2, 1.6, 1.2), COLD, True),
 )
+
+
+def _without_holder() -> None:
+    """Remove Table, and Grow, so that thin walls are not cut."""
+    bpy.ops.rle_splat.remove_table()
+    bpy.ops.rle_splat.change_segment(tool="GROW", length=2.0)
 
 
 def _ready(stage: Stage) -> None:
@@ -99,10 +105,10 @@ def lamps(stage: Stage):
     _ready(stage)
     volume = stage.volume
     bpy.ops.rle_splat.apply_preset(preset="ct-bone")
-    bpy.ops.rle_splat.remove_table()
+    _without_holder()
     for key, value in OPAQUE.items():
         setattr(volume.rle_splat, key, value)
-    stage.camera((0.9, -1.7, 0.35), 85.0, (0.0, 0.0, -0.03))
+    stage.camera((0.9, -1.7, 0.35), 72.0, (0.0, 0.0, -0.06))
     yield "headlight"
     volume.rle_splat.lighting, stage.settings.ambient_occlusion = "SCENE", 0.7
     for name, watts, side, place, color, shadow in LAMPS:
@@ -124,7 +130,7 @@ def light(stage: Stage):
             volume.matrix_world = Matrix.Rotation(1.5708, 4, "X") @ volume.matrix_world
         made = Stage.of(volume, stage.folder)
         if recipe.file == SKULL:
-            bpy.ops.rle_splat.remove_table()
+            _without_holder()
         for key, value in recipe.volume.items():
             setattr(volume.rle_splat, key, value)
         made.camera(recipe.toward, recipe.lens, recipe.aim)

@@ -1,5 +1,5 @@
-"""The set of the gallery that shows a skull, cut open, with a plate of titanium over a hole (runs in an environment
-with bpy).
+"""The set of the gallery that shows a skull, cut open, with a plate of titanium on it (runs in an environment with
+bpy).
 
 Every step is an operator, a modifier or a setting that a user has, too.
 """
@@ -15,7 +15,6 @@ from mathutils import Matrix, Vector
 
 MM = 0.001
 CORNER = Vector((4.0, 0.0, 14.0))  # the left upper quarter beyond it is cut away
-GAP = Vector((11.5, 40.0, 11.0))  # half sides of the hole in the forehead, below the plate
 PATCH = Vector((-22.0, -150.0, 24.0))  # before the forehead, where the plate is
 CELL, COLUMNS, ROWS = 5.8, 9, 9  # of the plate: mm from hole to hole; holes
 SOLID = 250.0  # HU: between air and the plastic of the skull, 700 HU
@@ -66,23 +65,22 @@ def _surface_before(bone, eye: Vector) -> tuple[Vector, Vector]:
     return bone.matrix_world @ place, normal.normalized()
 
 
-def _plate(stage: Stage, bone, coat) -> Matrix:
-    """A net shrinkwrapped onto the bone, its bars made solid, with screws along its edge; returns its place."""
-    at = stage.middle
-    place, normal = _surface_before(bone, at + MM * PATCH)
+def _plate(stage: Stage, bone, coat) -> None:
+    """A net shrinkwrapped onto the bone, its bars made solid, with screws along its edge."""
+    place, normal = _surface_before(bone, stage.middle + MM * PATCH)
     plate = _net(place + 15.0 * MM * normal)
     plate.rotation_euler = normal.to_track_quat("-Y", "Z").to_euler()
     wrap = plate.modifiers.new("On the Bone", "SHRINKWRAP")
     wrap.target, wrap.wrap_method, wrap.project_limit = bone, "PROJECT", 0.2
     wrap.use_project_y, wrap.use_positive_direction, wrap.use_negative_direction = True, True, False
     wrap.use_project_x = wrap.use_project_z = False
-    wrap.offset = 0.7 * MM
+    wrap.offset = 1.6 * MM
     relaxed = plate.modifiers.new("Relaxed", "SMOOTH")
     relaxed.factor, relaxed.iterations = 0.5, 3
     flat = _applied(plate)
     to_world = plate.matrix_world.copy()
     bars = plate.modifiers.new("Bars", "WIREFRAME")
-    bars.thickness, bars.offset, bars.use_boundary, bars.use_even_offset = 1.3 * MM, 0.0, True, False
+    bars.thickness, bars.offset, bars.use_boundary, bars.use_even_offset = 1.5 * MM, 0.0, True, False
     smooth = plate.modifiers.new("Round", "SUBSURF")
     smooth.levels = smooth.render_levels = 1
     plate.data.materials.append(coat)
@@ -104,16 +102,6 @@ def _plate(stage: Stage, bone, coat) -> Matrix:
         head.matrix_world = Matrix.Translation(place) @ turned @ Matrix.Diagonal((1.0, 1.0, 0.45, 1.0))
         bpy.ops.mesh.primitive_cylinder_add(radius=1.0 * MM, depth=9.0 * MM, vertices=32)
         named("Screw", coat).matrix_world = Matrix.Translation(place - 4.5 * MM * normal) @ turned
-    return to_world
-
-
-def _without(stage: Stage, place: Matrix, half: Vector) -> None:
-    """Cut away what is inside a box."""
-    bpy.context.view_layer.objects.active = stage.volume
-    bpy.ops.rle_splat.add_clip(kind="BOX", keep="OUTSIDE")
-    box = bpy.context.view_layer.objects.active
-    box.matrix_world = place @ Matrix.Diagonal((*(MM * half / box.empty_display_size), 1.0))
-    bpy.context.view_layer.objects.active = stage.volume
 
 
 def _slice(stage: Stage, kind: str, low: Vector, high: Vector) -> None:
@@ -134,7 +122,7 @@ def _slice(stage: Stage, kind: str, low: Vector, high: Vector) -> None:
 
 
 def skull(stage: Stage):
-    """A skull without its left upper quarter, the cut in plain gray, a titanium plate over a hole in the forehead."""
+    """A skull without its left upper quarter, the cut in plain gray, a titanium plate on the forehead."""
     ours, at = stage.volume.rle_splat, stage.middle
     bpy.context.view_layer.objects.active = stage.volume
     bpy.ops.rle_splat.apply_preset(preset="ct-bone")
@@ -145,11 +133,14 @@ def skull(stage: Stage):
     titanium = material("Titanium", (0.5, 0.52, 0.56), roughness=0.3, metallic=1.0)
     bpy.ops.rle_splat.extract_surface(of="VALUE", value=SOLID)
     bone = bpy.context.view_layer.objects.active
-    plate = _plate(stage, bone, titanium)
+    _plate(stage, bone, titanium)
     bone.hide_render = bone.hide_viewport = True
-    _without(stage, plate, GAP)
-    _without(stage, Matrix.Translation(at + MM * (CORNER + Vector((100.0, 0.0, 100.0)))), Vector((100.0, 200.0, 100.0)))
-    front, back, left, top = -105.0, 84.0, 72.0, 69.0  # the head holder is beyond them
+    bpy.context.view_layer.objects.active = stage.volume
+    bpy.ops.rle_splat.add_clip(kind="BOX", keep="OUTSIDE")
+    box, half = bpy.context.view_layer.objects.active, MM * Vector((100.0, 200.0, 100.0))
+    place = Matrix.Translation(at + MM * (CORNER + Vector((100.0, 0.0, 100.0))))
+    box.matrix_world = place @ Matrix.Diagonal((*(half / box.empty_display_size), 1.0))
+    front, back, left, top = -105.0, 80.0, 72.0, 69.0  # the head holder is beyond them
     x, z = CORNER.x + 0.5, CORNER.z + 0.5  # before the cuts, which would show through in stripes
     _slice(stage, "sagittal", Vector((x, front, z)), Vector((x, back, top)))
     _slice(stage, "axial", Vector((x, front, z)), Vector((left, back, z)))
@@ -166,13 +157,13 @@ def skull(stage: Stage):
     scale_bar("50 mm", Matrix.Translation(place) @ upright, 50.0 * MM, 8.0 * MM, white)
     toward = (0.8, -1.95, 0.85)
     stage.camera(toward, lens=66.0, aim=(0.03, -0.08, -0.085))
-    stage.sweep(toward, stage.foot - 5.0 * MM / stage.size, (0.03, 0.034, 0.042))
-    stage.key(2.6, (1.1, -1.5, 1.1))
+    stage.sweep(toward, stage.foot - 5.0 * MM / stage.size, (0.06, 0.066, 0.078))
+    stage.key(3.2, (1.3, -0.75, 1.1))
     stage.area("Rim", 60.0, (-1.6, 1.4, 1.2), COLD)
     softbox_world(
         ((0.02, 0.02, 0.022), (0.05, 0.055, 0.065), (0.25, 0.27, 0.3)),
         (((1.6, -1.3, 1.1), 22.0, (3.0, 2.8, 2.6)), ((-1.6, -0.9, 0.6), 18.0, (3.0, 3.4, 4.0))),
-        0.5,
+        0.2,
     )
     stage.settings.ambient_occlusion, stage.settings.quality = 0.5, "strict"
     view_transform("Standard")

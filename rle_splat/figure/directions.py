@@ -8,6 +8,7 @@ from ..volume.orientation import LETTERS
 from ..volume.volume import PATIENT
 from .page import Fill, Stroke, Text
 
+NO_BREAK = "\u00a0"  # a space at which no line ends
 SECOND = np.sin(np.radians(22.5))  # share of a direction from which a side has a letter beside the first
 SAME_VIEW = np.cos(np.radians(1.0))  # views that differ by less have the same name
 VIEWS = {
@@ -62,7 +63,7 @@ def view_name(scene: Scene) -> str:
     side, face = (LETTERS[axis][int(viewer[axis] > 0.0)] for axis in (0, 1))
     oblique = f"{WORDS[side]} {WORDS[face]} oblique {turn:.0f}°".capitalize()
     name = {0.0: VIEWS[face], 90.0: VIEWS[side]}.get(turn, oblique)
-    return name + (f", {'cranial' if tilt > 0.0 else 'caudal'} {abs(tilt):.0f}°" if tilt else "")
+    return name + (f", {'cranial' if tilt > 0.0 else 'caudal'}{NO_BREAK}{abs(tilt):.0f}°" if tilt else "")
 
 
 def letter_texts(letters: dict, x: float, y: float, width: float, height: float, size: float, ink, halo) -> list:

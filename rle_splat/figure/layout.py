@@ -9,7 +9,7 @@ from ..effects.ray_mode import OF_VALUES
 from ..scene import RleSplatError, Scene
 from . import scale
 from .color_bar import Lines, color_bar
-from .directions import WORDS, cube, edge_letters, knows_sides, letter_texts
+from .directions import NO_BREAK, WORDS, cube, edge_letters, knows_sides, letter_texts
 from .lettering import check_text, text_width, wrap
 from .page import MM_PER_POINT, Fill, Page, Text, Tile
 from .plan import AUTO, BACKGROUNDS, GUTTER, MARGIN, OFF, Figure
@@ -19,7 +19,6 @@ LEADING = 1.35  # from line to line, in font sizes
 BAR = 0.7  # mm: thickness of a scale bar
 WIDEST_BAR = 85.0  # mm: a color bar for the whole figure
 CUBE = 2.8  # font sizes: an edge of the cube
-NO_BREAK = "\u00a0"  # a space at which no line ends
 NO_SIDES = "The volume's file does not say where the patient's sides are"
 
 

@@ -1,10 +1,10 @@
-"""Pictures of the how-to guides, photographed in a real window.
+"""Pictures of the how-to guides and of the tutorial on organs, photographed in a real window.
 
     python3 dev.py blender --photograph tests/blender/record_guides.py --size 1280x800
 
-writes how-to-*.jpg into build/window-shots/record_guides.  In tests/blender/data are: ``scan``, the DICOM series of the
-gallery's skull; ``chest``, that of the chest angiography; ``cta_aorta_labels``, the dissected aorta with its segments;
-``cthead_256x256x113_uint16be.raw.gz``.
+writes how-to-*.jpg and organs-*.jpg into build/window-shots/record_guides.  In tests/blender/data are: ``scan``, the
+DICOM series of the gallery's skull; ``chest``, that of the chest angiography; ``cta_aorta_labels``, the dissected aorta
+with its segments; ``cthead_256x256x113_uint16be.raw.gz``.
 how-to-preferences.jpg and how-to-report.jpg are parts of preferences.png and effects_listed.png of window_panels.py.
 """
 
@@ -17,10 +17,10 @@ from pathlib import Path
 
 import bpy
 import numpy as np
-from mathutils import Euler
+from mathutils import Euler, Matrix, Vector
 
 from tests.blender.real_blender import MODULE
-from tests.blender.user_steps import middle, settled, simulate
+from tests.blender.user_steps import middle, press, settled, simulate
 from tests.blender.window_driver import (
     SHOTS,
     area_of,
@@ -30,6 +30,7 @@ from tests.blender.window_driver import (
     open_panels,
     passed,
     photograph,
+    until,
     wait_for_rest,
     window,
 )
@@ -37,8 +38,17 @@ from tests.blender.window_driver import (
 DATA = Path(__file__).parent / "data"
 HEAD, CHEST, QUALITY = "560x560+190+170", "600x420+260+270", "70"
 RAW, AORTA = "cthead_256x256x113_uint16be.raw.gz", "cta_aorta_labels"
-BONE_VOXEL, AORTA_VOXEL = (218, 345, 63), (264, 270, 90)  # of the chest
+AORTA_VOXEL = (264, 270, 90)  # of the chest
 PANELS = ("transfer", "slices", "shading")  # that are open
+# Of the tutorial on organs: the slice's place in mm and its level and window in HU; of each name the place that it is
+# for, in meters from the middle of the scan, how far it stands to the right of it as seen, and its alignment.
+GROUND, VESSEL_WINDOW, VIOLET = -112.0, (150.0, 900.0), (0.22, 0.1, 0.42)
+NAMES = (
+    ("Brachiocephalic trunk", (-0.038, -0.018, 0.092), -0.03, "RIGHT"),
+    ("Ascending aorta", (-0.020, -0.030, 0.040), -0.04, "RIGHT"),
+    ("True lumen", (-0.006, 0.018, -0.056), -0.03, "RIGHT"),
+    ("False lumen", (0.018, 0.060, 0.020), 0.03, "LEFT"), ("T12", (-0.002, 0.080, -0.097), 0.035, "LEFT"),
+)  # fmt: skip
 
 
 def keep(name: str, part: str = ""):
@@ -73,17 +83,23 @@ def begin():
     yield
 
 
-def skull():
-    """The skull without its head holder, by the preset Bone; returns the volume."""
+def skull(before: str = ""):
+    """The skull without its head holder, by the preset Bone, photographed ``before`` with it; returns the volume."""
     yield from begin()
     with in_the_view():
         assert bpy.ops.rle_splat.import_folder(directory=str(DATA / "scan")) == {"FINISHED"}
         assert bpy.ops.rle_splat.apply_preset(preset="ct-bone") == {"FINISHED"}
-        assert bpy.ops.rle_splat.remove_table() == {"FINISHED"}
+    volume = bpy.context.view_layer.objects.active
+    volume.select_set(False)  # a selected box is orange
     look_from(76.0, -30.0, 0.5)
     area_of("VIEW_3D").spaces.active.overlay.show_relationship_lines = False
+    if before:
+        yield from settled()
+        yield from keep(before, HEAD)
+    with in_the_view():
+        assert bpy.ops.rle_splat.remove_table() == {"FINISHED"}
     yield from settled()
-    return bpy.context.view_layer.objects.active
+    return volume
 
 
 def activate(volume) -> None:
@@ -121,8 +137,10 @@ def window_and_curve():
     passed("window, curve, smoothness")
 
 
-def surface():
-    volume = yield from skull()
+def table_and_surface():
+    volume = yield from skull("holder")
+    yield from keep("free", HEAD)
+    beside("how-to-table", "holder", "free")
     with in_the_view():
         assert bpy.ops.rle_splat.extract_surface(of="VALUE", value=250.0) == {"FINISHED"}
     made = bpy.context.view_layer.objects.active
@@ -135,7 +153,7 @@ def surface():
     yield from wait_for_rest()
     yield from keep("mesh", HEAD)
     beside("how-to-surface", "volume", "mesh")
-    passed("surface")
+    passed("table, surface")
 
 
 def pinned():
@@ -203,28 +221,109 @@ def organs():
     passed("organs")
 
 
+def lamp(kind: str, name: str, energy: float, place, **settings) -> None:
+    """A lamp that shines to the scan's middle; ``place``: from there."""
+    data = bpy.data.lights.new(name, kind)
+    data.energy = energy
+    for key, value in settings.items():
+        setattr(data, key, value)
+    made = bpy.data.objects.new(name, data)
+    bpy.context.scene.collection.objects.link(made)
+    made.matrix_world = Matrix.Translation(place) @ Vector(place).to_track_quat("Z", "Y").to_matrix().to_4x4()
+
+
+def tutorial_of_organs():
+    """From a scan with its masks beside it to a render with names."""
+    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_labels", "RLE_SPLAT_PT_slices")
+    yield from begin()
+    scan = masks().rename(Path(tempfile.mkdtemp()) / "segmentations").parent / "ct.nii.gz"
+    shutil.copyfile(DATA / AORTA / "cta_heart_aorta_120x126x164_int16.nii.gz", scan)
+    bpy.context.preferences.view.render_display_type = "AREA"
+    scene, view = bpy.context.scene, area_of("VIEW_3D").spaces.active
+    scene.world = bpy.data.worlds.new("World")  # as in a new file
+    scene.render.engine, scene.cycles.samples, scene.cycles.device = "CYCLES", 16, "CPU"
+    scene.render.resolution_x, scene.render.resolution_y = 1200, 900
+    scene.view_settings.view_transform = "Standard"
+    view.overlay.show_relationship_lines = False
+    with in_the_view():
+        bpy.ops.rle_splat.import_volume("INVOKE_DEFAULT", filepath=str(scan), at_cursor=True)
+    yield from wait_for_rest()
+    yield from keep("organs-1-dialog")
+    yield from press("RET", middle())
+    yield from until(lambda: any(one.rle_splat.is_volume for one in bpy.data.objects))
+    volume = bpy.context.view_layer.objects.active
+    look_from(76.0, 35.0, 0.55)
+    yield from settled()
+    yield from wait_for_rest()
+    yield from keep("organs-2-imported")
+    ours = volume.rle_splat
+    false = next(n for n, row in enumerate(ours.labels) if row.label_name == "aorta_false_lumen")
+    ours.active_label, ours.labels[false].color = false, VIOLET
+    next(row for row in ours.labels if row.label == 0).show = False
+    with in_the_view():
+        assert bpy.ops.rle_splat.add_slice(kind="axial") == {"FINISHED"}
+    bpy.context.view_layer.objects.active.rle_splat.slice_position = GROUND
+    ours.slices_follow_window = False
+    ours.slice_center, ours.slice_width = VESSEL_WINDOW
+    activate(volume)
+    yield from settled()
+    yield from keep("organs-3-slice")
+    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_labels", "RLE_SPLAT_PT_slices")
+    lamp("SUN", "Sun", 3.0, (-0.3, -0.45, 0.4), angle=radians(3.0))
+    lamp("AREA", "Rim", 8.0, (0.4, 0.4, 0.3), size=0.25, color=(0.62, 0.78, 1.0), use_shadow=False)
+    ours.lighting, scene.rle_splat.ambient_occlusion, scene.rle_splat.quality = "SCENE", 0.7, "fine"
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    scene.collection.objects.link(camera)
+    look_from(80.0, 35.0, 1.75)  # a camera sees half of what a viewport does
+    yield from settled()
+    scene.camera, camera.matrix_world = camera, view.region_3d.view_matrix.inverted()
+    view.region_3d.view_perspective = "CAMERA"
+    with in_the_view():
+        bpy.ops.view3d.view_center_camera()
+        assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+        assert bpy.ops.rle_splat.add_letters() == {"FINISHED"}
+    volume.select_set(False)
+    right = camera.matrix_world.to_3x3().col[0]
+    for body, place, aside, align in NAMES:
+        with in_the_view():
+            bpy.ops.object.text_add(align="VIEW", location=Vector(place) + aside * right)
+        made = bpy.context.view_layer.objects.active
+        made.name = made.data.body = body
+        made.data.align_x, made.data.align_y, made.scale = align, "CENTER", (0.014, 0.014, 0.014)
+        made.select_set(False)
+        made.data.materials.append(bpy.data.materials["Letters"])
+    activate(volume)
+    yield from settled()
+    yield from keep("organs-4-names")
+    ended = []
+    bpy.app.handlers.render_complete.append(lambda *_: ended.append(True))
+    yield from press("F12", middle())
+    yield from until(lambda: ended and not bpy.app.is_job_running("RENDER"))
+    yield from wait_for_rest()
+    yield from keep("organs-5-rendered")
+    path = Path(os.environ[SHOTS]) / "organs-figure.png"
+    bpy.data.images["Render Result"].save_render(str(path))
+    subprocess.run(["convert", str(path), "-quality", "88", str(path.with_suffix(".jpg"))], check=True)
+    passed("tutorial of organs")
+
+
 def isolated():
-    """The chest by the preset Bone, and its bones alone: first the aorta is kept and hidden, then they are."""
+    """The chest by the preset Vessels, and what is connected to the aorta alone."""
     yield from begin()
     with in_the_view():
         assert bpy.ops.rle_splat.import_folder(directory=str(DATA / "chest")) == {"FINISHED"}
-        assert bpy.ops.rle_splat.apply_preset(preset="ct-bone") == {"FINISHED"}
+        assert bpy.ops.rle_splat.apply_preset(preset="ct-angiography") == {"FINISHED"}
         assert bpy.ops.rle_splat.remove_table() == {"FINISHED"}
-    ours = bpy.context.view_layer.objects.active.rle_splat
+    volume = bpy.context.view_layer.objects.active
+    volume.select_set(False)
+    ours = volume.rle_splat
     ours.smoothness, ours.opacity_unit_distance, bpy.context.scene.rle_splat.quality = 2.0, 0.1, "fine"  # no stripes
-    look_from(60.0, 150.0, 0.45)
+    look_from(72.0, 20.0, 0.45)
     yield from settled()
     yield from keep("whole", CHEST)
     with in_the_view():
         assert bpy.ops.rle_splat.keep_connected(voxel=AORTA_VOXEL, value=170.0) == {"FINISHED"}
-        for row in ours.labels:
-            row.show = row.label_name == "Body"
-        assert bpy.ops.rle_splat.keep_connected(voxel=BONE_VOXEL, value=190.0) == {"FINISHED"}
-        ours.active_label = next(n for n, row in enumerate(ours.labels) if row.show)
-        bones = ours.labels[ours.active_label].label
         assert bpy.ops.rle_splat.change_segment(tool="GROW", length=1.6) == {"FINISHED"}
-    for row in ours.labels:
-        row.show = row.label == bones
     yield from settled()
     yield from keep("alone", CHEST)
     beside("how-to-isolate", "whole", "alone")
@@ -260,5 +359,6 @@ def scenario():
         yield from part()
 
 
-PARTS = (set_up_slices, window_and_curve, surface, raw_file, pinned, organs, isolated, in_time)
+PARTS = (set_up_slices, window_and_curve, table_and_surface, raw_file, pinned, organs, tutorial_of_organs, isolated,
+         in_time)  # fmt: skip
 drive(scenario)

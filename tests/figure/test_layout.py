@@ -117,9 +117,9 @@ def test_the_front_shows_the_right_on_the_left(drawing, balls):
 
 
 @pytest.mark.parametrize(("azimuth", "elevation", "name"), [
-    (30.0, 0.0, "Left anterior oblique 30°"), (-45.0, 20.0, "Right anterior oblique 45°, cranial 20°"),
+    (30.0, 0.0, "Left anterior oblique 30°"), (-45.0, 20.0, "Right anterior oblique 45°, cranial\u00a020°"),
     (135.0, 0.0, "Left posterior oblique 45°"), (-90.0, 0.0, "Right lateral view"),
-    (0.0, -30.0, "Anterior view, caudal 30°"), (0.0, 90.0, "Superior view"),
+    (0.0, -30.0, "Anterior view, caudal\u00a030°"), (0.0, 90.0, "Superior view"),
 ])  # fmt: skip
 def test_views_have_the_names_of_radiologists(drawing, balls, azimuth, elevation, name):
     view = {"azimuth": azimuth, "elevation": elevation}
