@@ -204,23 +204,6 @@ def masks() -> Path:
     return folder
 
 
-def organs():
-    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_labels")
-    yield from begin()
-    with in_the_view():
-        assert bpy.ops.rle_splat.import_volume(
-            filepath=str(DATA / AORTA / "cta_heart_aorta_120x126x164_int16.nii.gz")) == {"FINISHED"}  # fmt: skip
-    volume = bpy.context.view_layer.objects.active
-    volume.rle_splat.label_file = str(masks())
-    with in_the_view():
-        assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
-        assert bpy.ops.rle_splat.color_anatomy() == {"FINISHED"}
-    look_from(78.0, 40.0, 0.6)
-    yield from settled()
-    yield from keep("how-to-organs")
-    passed("organs")
-
-
 def lamp(kind: str, name: str, energy: float, place, **settings) -> None:
     """A lamp that shines to the scan's middle; ``place``: from there."""
     data = bpy.data.lights.new(name, kind)
@@ -359,6 +342,5 @@ def scenario():
         yield from part()
 
 
-PARTS = (set_up_slices, window_and_curve, table_and_surface, raw_file, pinned, organs, tutorial_of_organs, isolated,
-         in_time)  # fmt: skip
+PARTS = (set_up_slices, window_and_curve, table_and_surface, raw_file, pinned, tutorial_of_organs, isolated, in_time)
 drive(scenario)
