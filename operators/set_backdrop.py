@@ -50,27 +50,34 @@ class RLE_SPLAT_OT_set_backdrop(StepwiseOperator, bpy.types.Operator):
             volume_object, evaluated(context, volume_object), with_meshes=with_meshes,
             warn=lambda sentence: self.report({"WARNING"}, sentence))  # fmt: skip
         self._canvas = ProgressImage(self._scene, self._volume, "backdrop", self._camera)
-        self._has_entry = backdrop.find(scene, camera) is not None
+        entry = backdrop.find(scene, camera)
+        self._shown = None if entry is None else Held(entry.image)
         self._shows_images = camera.data.show_background_images
         tolerance = tolerance_of(scene)
         self._made_from = outdated.made_of(plain, quality, tolerance, with_meshes)
         return render_scene.steps(plain, quality, tolerance=tolerance, drafts=self.was_in_window)
 
     def show_draft(self, context, rendering):
-        image = self._canvas.show(rendering.rgba)
-        if not self._has_entry:
-            backdrop.show(self._camera.get(), image, self._place)
+        image, camera = self._canvas.show(rendering.rgba), self._camera.get()
+        entry = backdrop.find(self._scene.get(), camera)
+        if entry is None:
+            backdrop.show(camera, image, self._place)
+        else:
+            entry.image = image
 
     def put_back(self, context):
         scene, camera = self._scene.find(), self._camera.find()
-        if scene is not None and camera is not None and not self._has_entry:
+        entry = None if scene is None or camera is None else backdrop.find(scene, camera)
+        if entry is not None and self._shown is not None:
+            entry.image = self._shown.find()
+        elif entry is not None:
             backdrop.hide(scene, camera)
             camera.data.show_background_images = self._shows_images
         self._canvas.put_back()
 
     def commit(self, context, rendering):
         scene, volume_object, camera = self._scene.get(), self._volume.get(), self._camera.get()
-        self.is_new = not self._has_entry
+        self.is_new = self._shown is None
         image, depth_image = pictures.keep(
             scene, volume_object, rendering.rgba, rendering.depth, kind="backdrop", camera=camera
         )

@@ -10,7 +10,9 @@ def draw(context, layout) -> None:
     step.operator("rle_splat.import_volume", text="Import File…", icon="IMPORT")
     step.operator("rle_splat.import_folder", text="Import DICOM Folder…", icon="FILE_FOLDER")
     step = _step(context, layout, "2. Choose a preset, then turn the view")
-    step.menu("RLE_SPLAT_MT_presets", icon="PRESET")
+    row = step.row()
+    row.enabled = False  # as the buttons are, until there is a volume
+    row.menu("RLE_SPLAT_MT_presets", icon="PRESET")
     step.operator("rle_splat.frame_volume", icon="ZOOM_SELECTED")
     step = _step(context, layout, "3. Show it in renders (F12) with the rest of the scene")
     step.operator("rle_splat.composite", icon="RESTRICT_RENDER_OFF")

@@ -9,13 +9,9 @@ from ..bridge.volumes import volumes
 class RLE_SPLAT_MT_presets(bpy.types.Menu):
     bl_label = "Presets"
 
-    @classmethod
-    def poll(cls, context):
-        return volumes.volume_object(context) is not None
-
     def draw(self, context):
-        layout = self.layout
-        for group in preset_entries.groups(volumes.volume_object(context).rle_splat):
+        layout, owner = self.layout, volumes.volume_object(context)
+        for group in preset_entries.groups(owner.rle_splat) if owner else ():
             layout.label(text=group.label)
             for entry in group.entries:
                 if not entry.is_own:

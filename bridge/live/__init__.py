@@ -11,6 +11,7 @@ import numpy as np
 from bpy.app.handlers import persistent
 
 from ..data import preferences
+from ..data.playback import is_playing
 from ..loop import timer
 from ..messages import tell
 from ..render import compositor
@@ -126,7 +127,7 @@ def _after() -> None:
     viewport.redraw(request, shown.stamp(), drawn, timer.bite())
     _draw(live, framebuffer)
     _tell_of(viewport, had[0])
-    if had != (viewport.problem, viewport.waits):
+    if had[0] != viewport.problem or (had[1] != viewport.waits and not is_playing()):
         _redraw_panels(context.area)
     if viewport.is_busy:
         timer.start(_tick, timer.PAUSE)

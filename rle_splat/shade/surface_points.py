@@ -37,9 +37,7 @@ from .sample_light import ONE, TRUSTED
 from .surface_normals import LEAST, Surfaces
 
 FARTHEST = 3.0  # widths of a voxel along the normal: with 2 a lit plane ripples by 1.4 %, with 4 more light leaks
-# So that the nodes around x', from which light is interpolated, are off the surface, too: with 1 a ball with an opacity
-# step ripples by 3.2 %, with 9/8 by 1.8, with 5/4 by 0.7; the further, the more light passes by.
-FURTHER = 9.0 / 8.0
+FURTHER = 9.0 / 8.0  # so that x' is off what trilinear interpolation shows of the surface, too
 NEAR, FAR = 1.0, 2.0  # widths from a face at which its normal begins to fade and is gone
 SIDE = 0.5  # of the balance of distances, over which the side changes to which extinction falls
 STEPS = 1024.0  # of a voxel, in which offsets are kept

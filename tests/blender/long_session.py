@@ -73,6 +73,10 @@ def go_round(number: int, folder: Path) -> None:
     owner.rle_splat.shift = 0.1 * (number % 3)
     owner.location.z += 0.5 * (number % 5)
     scenes.update()
+    if number % 3 == 0:
+        assert bpy.ops.rle_splat.set_backdrop(follow=True) == {"FINISHED"}
+        owner.location.x += 1.0
+        scenes.update()
     if number % 2:
         assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
     else:

@@ -204,6 +204,19 @@ def test_the_backdrop_shows_a_draft_and_is_put_back(volume, slow, start):
     np.testing.assert_array_equal(scenes.image_pixels(bpy.data.images["ball Splat Backdrop"]), made)
 
 
+def test_a_draft_of_another_volume_is_shown_in_the_place_of_the_first(volume, slow, start, tmp_path):
+    camera = bpy.context.scene.camera.data
+    bpy.ops.rle_splat.set_backdrop(place="BACK")
+    scenes.import_raw(tmp_path, np.full((40, 40, 40), 90, np.uint8), name="box")
+    operator, window = start("set_backdrop", place="FRONT")
+    while not operator._is_draft_shown:
+        operator.modal(window, TIMER)
+    assert [entry.image.name for entry in camera.background_images] == ["box Splat Backdrop"]
+    operator.modal(window, ESC)
+    assert [entry.image.name for entry in camera.background_images] == ["ball Splat Backdrop"]
+    assert bpy.data.images.get("box Splat Backdrop") is None and camera.background_images[0].display_depth == "BACK"
+
+
 def test_a_quick_picture_has_none(volume, start, bridge, monkeypatch):
     monkeypatch.setattr(bridge("pictures.drafts"), "QUICK", 1e6)  # milliseconds: what counts as quick on any machine
     done, shown = run(*start("render_image", use_meshes=False), lambda: None)
