@@ -29,7 +29,8 @@ from rle_splat.volume.volume import Volume
 from .accuracy_plot import can_plot, draw_plans, new_figure, plain_numbers, plot_sweep, save
 from .data_sets import PAPER
 from .flip import mean_flip
-from .frames import Neighbors, circumstances, describe
+from .frames import Neighbors, circumstances, describe, time_by_processor
+from .lamps import under
 from .run import make_parser
 from .scenes import DATA, REAL, smoke
 
@@ -116,7 +117,7 @@ def variants(base: Quality) -> dict[str, Quality]:
     return {name: plan for name, plan in plans.items() if plan is not None}
 
 
-def measure(subject: Subject, perspective: bool, options, with_knobs: bool):
+def measure(subject: Subject, perspective: bool, options, with_knobs: bool, light: str = "headlight"):
     """(Sweep, name in ``variants`` -> name of the plan in the sweep) of one subject and projection."""
     base = replace(STANDARD, threads=options.threads)
     plans, names = sensible_plans(base), {}
@@ -127,7 +128,7 @@ def measure(subject: Subject, perspective: bool, options, with_knobs: bool):
         names[name] = plan.name if equal is None else equal.name
     # The last plan decides the crop and the steep probes, so it must be the best one.
     plans.sort(key=lambda plan: (plan.classification, plan.record, plan.name == "strict"))
-    scene = subject.scene(options.size, perspective)
+    scene = under(subject.scene(options.size, perspective), light)
     steps = sweep_steps(
         scene, plans, base, probes=options.probes, repeats=options.repeats, tolerances=TOLERANCES, flip=mean_flip,
         crop_side=min(CROP_SIDE, options.size // 2),
@@ -308,6 +309,12 @@ def _first(measured: dict, names: dict):
     return measured[title], names[title]
 
 
+def shadowed_plot(subject: Subject, options, path: Path) -> None:
+    """The sweep of a subject under a sun with shadows, with crops along its front."""
+    sweep, _ = measure(subject, False, options, with_knobs=False, light="sun")
+    plot_sweep(sweep, path, ".png", f"{subject.name}, {subject.function.name}, under a sun with shadows")
+
+
 # --- the page -----------------------------------------------------------------------------------------------------
 
 
@@ -353,7 +360,9 @@ def main(arguments) -> int:
     options = parser.parse_args(arguments)
     where, neighbors = circumstances(options.threads), Neighbors()
     print(describe(where), flush=True)
-    views, knobs, names, shown = {}, {}, {}, None
+    if options.threads == 1:
+        time_by_processor()
+    views, knobs, names = {}, {}, {}
     things = subjects()
     for subject in things:
         for projection, perspective in PROJECTIONS.items():
@@ -362,7 +371,6 @@ def main(arguments) -> int:
             views[title] = sweep.report
             if not perspective:
                 knobs[subject.name], names[subject.name] = sweep.report, used
-                shown = shown or (sweep, subject)
             print(f"{title}: {len(sweep.report['plans'])} plans", flush=True)
     hard = narrow(things[0])
     sweep, used = measure(hard, False, options, with_knobs=True)
@@ -378,11 +386,7 @@ def main(arguments) -> int:
     if can_plot():
         fronts_plot(views, images / "accuracy-fronts.png")
         knobs_plot(knobs, names, images / "accuracy-knobs.png")
-        sweep, subject = shown
-        own = ladder(sweep.report)
-        fronts = {t: front([e for e in own if e["truth"] == t]) for t in sorted({e["truth"] for e in own})}
-        sweep = replace(sweep, report={**sweep.report, "plans": own, "fronts": fronts})
-        plot_sweep(sweep, images / "accuracy-sweep.png", ".png", f"{subject.name}, {subject.function.name}")
+        shadowed_plot(things[0], options, images / "accuracy-sweep.png")
     else:
         print("matplotlib is not installed, so the figures were not changed.", file=sys.stderr)
     return 0
