@@ -19,7 +19,7 @@ from ..scene import render_scene, viewports
 from ..translations import filled
 from ..volumes import box
 from . import drawing, shown, slice_drawing, slice_places, surface
-from .viewport import Viewport
+from .viewport import BITE, Viewport
 
 AFTER_LOCAL = 0.1  # seconds from Blender's own move to Local View until it is corrected
 
@@ -124,7 +124,7 @@ def _after() -> None:
     request = surface.request_of(context, live.keys)
     had = viewport.problem, viewport.waits
     drawn = surface.BlenderSurface(context, request, framebuffer, live.waits)
-    viewport.redraw(request, shown.stamp(), drawn, timer.bite())
+    viewport.redraw(request, shown.stamp(), drawn, timer.PLAYING if is_playing() else BITE)
     _draw(live, framebuffer)
     _tell_of(viewport, had[0])
     if had[0] != viewport.problem or (had[1] != viewport.waits and not is_playing()):

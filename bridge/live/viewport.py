@@ -147,8 +147,9 @@ class Viewport:
         """Whether there is work, now or later."""
         return self._work is not None or self._due is not None or self._look_due is not None
 
-    def redraw(self, request: Request, stamp, surface: DrawnSurface, bite: float = BITE) -> None:
-        """Look at what a redraw shows; where it changed, work on a draft for at most ``bite`` seconds.
+    def redraw(self, request: Request, stamp, surface: DrawnSurface, most: float = BITE) -> None:
+        """Look at what a redraw shows; where it changed, work on a draft for a bite, or for half of the time since the
+        last change, ``most`` seconds at most.
 
         ``stamp`` differs from that of the last redraw after any event that may have changed the contents.
         """
@@ -166,7 +167,7 @@ class Viewport:
         try:
             if self._look(request, stamp, surface, moved, now):
                 self._left = min(self._left, now) if turned else self._left
-                self._begin(now, bite)
+                self._begin(now, most)
                 self._drop_outdated()
         except Exception as problem:  # one sentence instead of a traceback for every redraw
             self._fail(problem)
@@ -211,7 +212,7 @@ class Viewport:
         self._contents = {key: one for key, one in now.items() if one is not None}
         return [one.digest for one in self._contents.values()] != [one.digest for one in before.values()]
 
-    def _begin(self, now: float, bite: float) -> None:
+    def _begin(self, now: float, most: float) -> None:
         """Begin a draft of what was looked at; one that is under way ends first, or a slow one would never be seen."""
         interval, self._changed = now - self._changed, now
         self._due, self._pause = None, max(STILL, PER_REDRAW * interval if interval < 1.0 else STILL)
@@ -219,8 +220,9 @@ class Viewport:
             self._stop_work()
         if self._work is None:
             self._start_draft()
-        if self._now() < now + bite:
-            self._advance(now + bite)
+        until = now + max(BITE, min(0.5 * interval, most))
+        if self._now() < until:
+            self._advance(until)
 
     def work(self) -> bool:
         """Do one step, from a timer; return whether a redraw is due: there is a new picture, or it is to look again."""

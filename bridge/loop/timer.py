@@ -16,7 +16,7 @@ from . import jobs
 
 BUSY = 0.2  # seconds until work that must wait looks again
 BITE = 0.02  # seconds after which no further step is begun
-PLAYING = 0.1  # the most during playback
+PLAYING = 0.1  # the most during playback, also of a redraw
 PAUSE = 0.005  # seconds between bites
 AT_ONCE = 0.0
 
@@ -27,22 +27,22 @@ _called: list = []  # the function that is being called
 _ended = [0.0]  # when the last bite ended
 
 
-def start(function: Callable, after: float = 0.0, least: float = BITE) -> None:
+def start(function: Callable, after: float = 0.0, bite: float = BITE) -> None:
     """Call a function after some seconds, unless it is to be called sooner.
 
     Parameters
     ----------
     function : callable
         Without arguments; returns the seconds after which it is called again, AT_ONCE, or None.
-    least : float
-        Seconds after which it is not called again at once, see ``bite``.
+    bite : float
+        Seconds after which it is not called again at once.
     """
     due = time.perf_counter() + after
     if bpy.app.background or _due.get(function, due) < due:
         return
     _due[function] = due
-    if least != BITE:
-        _bites[function] = least
+    if bite != BITE:
+        _bites[function] = bite
     if _called:
         return  # ``_tick`` looks at it when that function has returned
     if bpy.app.timers.is_registered(_tick):
@@ -65,11 +65,6 @@ def stop_all() -> None:
         bpy.app.timers.unregister(_tick)
 
 
-def bite(least: float = BITE) -> float:
-    """Seconds of work at a time: ``least``, and during playback as long as the window itself took since the last."""
-    return max(least, min(time.perf_counter() - _ended[0], PLAYING)) if is_playing() else least
-
-
 def must_wait() -> bool:
     """Whether a render or an operator of ours runs, before which other work waits."""
     return bpy.app.is_job_running("RENDER") or jobs.StepwiseOperator.is_running()
@@ -81,7 +76,10 @@ def _tick():
     if function is not None and _due[function] <= now:
         del _due[function]
         _called.append(function)
-        again, began, end = AT_ONCE, now, now + bite(_bites.get(function, BITE))
+        bite = _bites.get(function, BITE)
+        if is_playing():  # as long as the window itself took since the last one
+            bite = max(bite, min(now - _ended[0], PLAYING))
+        again, began, end = AT_ONCE, now, now + bite
         try:
             while again == AT_ONCE and 2.0 * now - began < end:  # no step that, as long as the last, ends after it
                 began, again, now = now, function(), time.perf_counter()

@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from benchmarks import light
+from benchmarks import light, walls
 from benchmarks.frames import view_scene
 from benchmarks.scenes import shells
 from rle_splat.runtime.jit import compiled
@@ -54,3 +54,10 @@ def test_dim_colors_are_no_error_of_light_and_dim_light_is(monkeypatch):
     assert colors["own"]["rmse"] == pytest.approx(plain["own"]["rmse"], rel=1e-3)
     assert colors["all"]["rmse"] > 1.5 * plain["all"]["rmse"]
     assert shine["own"]["rmse"] > 1.5 * plain["own"]["rmse"]
+
+
+@pytest.mark.parametrize("quality", ("reference", "standard"))
+def test_a_thick_wall_is_lit_on_its_face_alone(quality):
+    found = walls.measure(4, quality)
+    assert found["lit face"] == pytest.approx(100.0, abs=0.1)
+    assert found["dark face"] < 0.5 and found["vessel"] < 0.1

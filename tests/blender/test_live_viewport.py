@@ -61,6 +61,28 @@ def test_a_redraw_ends_before_a_step_would_take_it_beyond_its_bite(live, made, m
     assert len(done) == steps + 1, "one step at each call of the timer"
 
 
+@pytest.mark.parametrize("most, interval, steps", [(0.1, 0.3, 5), (0.1, 0.06, 3), (0.02, 0.3, 2), (0.1, 0.02, 2)])
+def test_a_redraw_during_playback_works_for_half_of_the_time_between_frames(
+    live, made, monkeypatch, most, interval, steps
+):
+    viewport, clock, surface = made
+    done = []
+
+    def work(*_):
+        for number in range(5):
+            clock.now += 0.008
+            done.append(number)
+            yield
+        return []
+
+    viewport.redraw(request_of(live), 1, surface, most)
+    finish(viewport, clock)
+    monkeypatch.setattr(live.viewport, "picture_steps", work)
+    clock.now = viewport._changed + interval
+    viewport.redraw(request_of(live, 31.0), 1, surface, most)
+    assert len(done) == steps and (viewport.counts["drafts"] == 2) == (steps == 5)
+
+
 def test_the_refined_picture_is_that_of_render(live, made, contents, core):
     viewport, clock, surface = made
     request = request_of(live)
