@@ -73,7 +73,7 @@ RECIPES = (
     Recipe("bone", SKULL, _bone, {"preset": "ct-bone"}, OPAQUE, aim=(0.0, 0.0, -0.06), lens=72.0),
     Recipe("soft", AORTA, _soft, VESSELS),
     Recipe("studio", SKULL, _studio, {"preset": "ct-bone"}, OPAQUE, (-1.1, -1.6, 0.3), (0.0, 0.0, -0.06), 72.0),
-    Recipe("skin", HEAD, _skin, {"preset": "mr-head"}, {"smoothness": 2.0}, (0.8, -1.85, -0.2), lens=62.0),
+    Recipe("skin", HEAD, _skin, {"preset": "mr-head"}, {"smoothness": 2.0}, aim=(0.0, 0.0, -0.14), lens=62.0),
     Recipe("smoke", "smoke_fog.vdb", _smoke, aim=(0.0, 0.0, -0.05)),
     Recipe("values", AORTA, _values, VESSELS),
 )

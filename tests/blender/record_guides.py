@@ -3,8 +3,8 @@
     python3 dev.py blender --photograph tests/blender/record_guides.py --size 1280x800
 
 writes how-to-*.jpg and organs-*.jpg into build/window-shots/record_guides.  In tests/blender/data are: ``scan``, the
-DICOM series of the gallery's skull; ``chest``, that of the chest angiography; ``cta_aorta_labels``, the dissected aorta
-with its segments; ``cthead_256x256x113_uint16be.raw.gz``.
+DICOM series of the gallery's skull; ``cta_aorta_labels``, the dissected aorta with its segments; and
+``cthead_256x256x113_uint16be.raw.gz``.
 how-to-preferences.jpg and how-to-report.jpg are parts of preferences.png and effects_listed.png of window_panels.py.
 """
 
@@ -36,9 +36,8 @@ from tests.blender.window_driver import (
 )
 
 DATA = Path(__file__).parent / "data"
-HEAD, CHEST, QUALITY = "560x560+190+170", "600x420+260+270", "70"
+HEAD, ORGANS, QUALITY = "560x560+190+170", "540x610+160+140", "70"
 RAW, AORTA = "cthead_256x256x113_uint16be.raw.gz", "cta_aorta_labels"
-AORTA_VOXEL = (264, 270, 90)  # of the chest
 PANELS = ("transfer", "slices", "shading")  # that are open
 # Of the tutorial on organs: the slice's place in mm and its level and window in HU; of each name the place that it is
 # for, in meters from the middle of the scan, how far it stands to the right of it as seen, and its alignment.
@@ -239,10 +238,14 @@ def tutorial_of_organs():
     yield from settled()
     yield from wait_for_rest()
     yield from keep("organs-2-imported")
+    yield from keep("whole", ORGANS)
     ours = volume.rle_splat
     false = next(n for n, row in enumerate(ours.labels) if row.label_name == "aorta_false_lumen")
     ours.active_label, ours.labels[false].color = false, VIOLET
     next(row for row in ours.labels if row.label == 0).show = False
+    yield from settled()
+    yield from keep("alone", ORGANS)
+    beside("how-to-isolate", "whole", "alone")
     with in_the_view():
         assert bpy.ops.rle_splat.add_slice(kind="axial") == {"FINISHED"}
     bpy.context.view_layer.objects.active.rle_splat.slice_position = GROUND
@@ -290,29 +293,6 @@ def tutorial_of_organs():
     passed("tutorial of organs")
 
 
-def isolated():
-    """The chest by the preset Vessels, and what is connected to the aorta alone."""
-    yield from begin()
-    with in_the_view():
-        assert bpy.ops.rle_splat.import_folder(directory=str(DATA / "chest")) == {"FINISHED"}
-        assert bpy.ops.rle_splat.apply_preset(preset="ct-angiography") == {"FINISHED"}
-        assert bpy.ops.rle_splat.remove_table() == {"FINISHED"}
-    volume = bpy.context.view_layer.objects.active
-    volume.select_set(False)
-    ours = volume.rle_splat
-    ours.smoothness, ours.opacity_unit_distance, bpy.context.scene.rle_splat.quality = 2.0, 0.1, "fine"  # no stripes
-    look_from(72.0, 20.0, 0.45)
-    yield from settled()
-    yield from keep("whole", CHEST)
-    with in_the_view():
-        assert bpy.ops.rle_splat.keep_connected(voxel=AORTA_VOXEL, value=170.0) == {"FINISHED"}
-        assert bpy.ops.rle_splat.change_segment(tool="GROW", length=1.6) == {"FINISHED"}
-    yield from settled()
-    yield from keep("alone", CHEST)
-    beside("how-to-isolate", "whole", "alone")
-    passed("isolate")
-
-
 def in_time():
     """A ring that opens: numbers made here, as no scan of the data has times."""
     folder = Path(tempfile.mkdtemp(prefix="rle_splat_time_"))
@@ -342,5 +322,5 @@ def scenario():
         yield from part()
 
 
-PARTS = (set_up_slices, window_and_curve, table_and_surface, raw_file, pinned, tutorial_of_organs, isolated, in_time)
+PARTS = (set_up_slices, window_and_curve, table_and_surface, raw_file, pinned, tutorial_of_organs, in_time)
 drive(scenario)
