@@ -116,7 +116,7 @@ def _push_undo() -> None:
 class RLE_SPLAT_GGT_clip_box(Handles, bpy.types.GizmoGroup):
     """A handle on each face of a cut box. The opposite face stays"""
 
-    bl_label = "Handles of a Clip Box"
+    bl_label = "Handles of a Cut Box"
 
     moved = staticmethod(clip_handles.active_box)
 

@@ -191,7 +191,7 @@ def add_clip(scene, owner, kind: str, keep: str, matrix) -> object:
     bpy.types.Object
         The Empty.  A plane is an arrow, and a rectangle from -1 to 1 in x and y that is never rendered.
     """
-    empty = bpy.data.objects.new(f"Clip {kind.title()}", None)
+    empty = bpy.data.objects.new(f"Cut {kind.title()}", None)
     empty.empty_display_type = "CUBE" if kind == "BOX" else "SINGLE_ARROW"
     empty.empty_display_size = 1.0 if kind == "BOX" else ARROW
     ensure_collection(scene).objects.link(empty)

@@ -94,11 +94,11 @@ def test_its_volume_is_the_active_one_while_it_is_selected(owner, bridge, tmp_pa
     scenes.import_raw(tmp_path, np.full((N, N, N), 50, np.uint8), name="other")
     add(owner)
     assert bridge("volumes.volumes").volume_object(bpy.context) == owner
-    assert bridge("scene.clip_handles").active_box(bpy.context).name == "Clip Box"
+    assert bridge("scene.clip_handles").active_box(bpy.context).name == "Cut Box"
     scenes.activate(bpy.data.objects["other"])
     assert bridge("scene.clip_handles").active_box(bpy.context) is None
     scenes.activate(owner)
-    assert bridge("scene.clip_handles").active_box(bpy.context).name == "Clip Box"
+    assert bridge("scene.clip_handles").active_box(bpy.context).name == "Cut Box"
 
 
 @pytest.mark.parametrize("axis", range(3))

@@ -366,7 +366,7 @@ def test_a_linked_collection_of_clip_objects_takes_more(library, bridge):
     names = [one.name for one in bridge("scene.clip_objects").clip_objects(scene)]
     reopened()
     assert [one.name for one in bridge("scene.clip_objects").clip_objects(bpy.context.scene)] == names
-    assert "cut" in names and "Clip Box" in names
+    assert "cut" in names and "Cut Box" in names
 
 
 def test_a_volume_is_imported_beside_a_linked_active_collection(library, tmp_path):

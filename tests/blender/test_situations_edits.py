@@ -138,7 +138,7 @@ EDITS = {
     "add_channels": ({}, two_volumes),
     "import_channel": (dict(filepath="cube.raw", shape=(7, 7, 7), dtype="uint8"), None),
     "remove_channel": (dict(index=0), one_channel),
-    "delete_clip": (dict(name="Clip Box"), clip_box),
+    "delete_clip": (dict(name="Cut Box"), clip_box),
     "fit_clip": ({}, large_clip_box),
     "reload": (dict(flip=(True, False, False)), None),
     "extract_surface": ({}, None),

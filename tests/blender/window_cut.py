@@ -137,7 +137,7 @@ def check_box(name):
     yield from drag(start, end, "box_drag")
     yield from settled()
     yield from photograph("box_dragged")
-    box = bpy.data.objects["Clip Box"]
+    box = bpy.data.objects["Cut Box"]
     after = faces(box)
     print(f"faces before {before.tolist()}, after {after.tolist()}", flush=True)
     expected = before.copy()
@@ -149,15 +149,15 @@ def check_box(name):
     with in_the_view():
         bpy.ops.ed.undo()
     yield
-    np.testing.assert_allclose(faces(bpy.data.objects["Clip Box"]), before, atol=1e-4)
-    assert "Clip Box" in bpy.data.objects, "the drag was undone together with the box"
+    np.testing.assert_allclose(faces(bpy.data.objects["Cut Box"]), before, atol=1e-4)
+    assert "Cut Box" in bpy.data.objects, "the drag was undone together with the box"
     with in_the_view():
         bpy.ops.ed.redo()
     yield
-    np.testing.assert_allclose(faces(bpy.data.objects["Clip Box"]), after, atol=1e-4)
+    np.testing.assert_allclose(faces(bpy.data.objects["Cut Box"]), after, atol=1e-4)
     start[2] = after[2, 1]
     yield from drag(start, end - (0, 0, 6.0), "box_cancelled", ends_with="RIGHTMOUSE")
-    np.testing.assert_allclose(faces(bpy.data.objects["Clip Box"]), after, atol=1e-3)
+    np.testing.assert_allclose(faces(bpy.data.objects["Cut Box"]), after, atol=1e-3)
 
 
 def check_volume_shows_handles(name):
@@ -165,10 +165,10 @@ def check_volume_shows_handles(name):
     scenes.activate(bpy.data.objects[name])
     yield from settled()
     yield from photograph("box_of_active_volume")
-    assert handles().active_box(bpy.context).name == "Clip Box"
-    bpy.data.objects["Clip Box"].hide_set(True)
+    assert handles().active_box(bpy.context).name == "Cut Box"
+    bpy.data.objects["Cut Box"].hide_set(True)
     assert handles().active_box(bpy.context) is None
-    bpy.data.objects.remove(bpy.data.objects["Clip Box"])
+    bpy.data.objects.remove(bpy.data.objects["Cut Box"])
     yield
 
 
@@ -192,25 +192,25 @@ def check_plane(name):
     yield from drag(start, start - 5.0 * back, "plane_drag")
     yield from settled()
     yield from photograph("plane_dragged")
-    step = bpy.data.objects["Clip Plane"].matrix_world.translation - start
+    step = bpy.data.objects["Cut Plane"].matrix_world.translation - start
     print(f"the plane moved by {tuple(step)}, along its normal by {step.dot(back)}", flush=True)
     np.testing.assert_allclose(step.dot(back), -5.0, atol=1.0)
     assert (step - step.dot(back) * back).length < 1e-3
     with in_the_view():
         bpy.ops.ed.undo()
     yield
-    np.testing.assert_allclose(bpy.data.objects["Clip Plane"].matrix_world.translation, start, atol=1e-4)
-    yield from check_ring("Clip Plane")
+    np.testing.assert_allclose(bpy.data.objects["Cut Plane"].matrix_world.translation, start, atol=1e-4)
+    yield from check_ring("Cut Plane")
     scene = bpy.context.scene
     scene.cursor.location = Vector(((N - 1) / 2,) * 3) + 4.0 * back
     look((55.0, 0.0, 25.0))
     yield
-    scenes.activate(bpy.data.objects["Clip Plane"])
+    scenes.activate(bpy.data.objects["Cut Plane"])
     with in_the_view():
         assert bpy.ops.rle_splat.clip_to_view("EXEC_DEFAULT", True, through="CURSOR") == {"FINISHED"}
     yield from settled()
     yield from photograph("plane_at_cursor")
-    assert [one.name for one in scene.rle_splat.clip_objects.objects] == ["Clip Plane"], "a second plane was added"
+    assert [one.name for one in scene.rle_splat.clip_objects.objects] == ["Cut Plane"], "a second plane was added"
 
 
 def check_ring(name):
