@@ -69,7 +69,7 @@ class RLE_SPLAT_OT_composite(LoadsFirst, bpy.types.Operator):
 class RLE_SPLAT_OT_remove_composite(bpy.types.Operator):
     bl_idname = "rle_splat.remove_composite"
     bl_label = "Remove from Renders"
-    bl_description = "Remove the volume's nodes from the compositor and keep all other nodes"
+    bl_description = "Leave volumes out of renders: remove their nodes from the compositor and keep all other nodes"
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod

@@ -1,4 +1,4 @@
-"""The Channels panel: volumes that are added to the picture of the active volume."""
+"""The Channels panel: volumes shown together with the active one, such as a PET on its CT or colors of fluorescence."""
 
 import bpy
 

@@ -40,8 +40,8 @@ from .volume_properties import VolumeProperties
 QUALITY_TEXTS = {
     "draft": ("Draft", "Fast and coarse, for moving around"),
     "standard": ("Standard", "A balance of time and accuracy"),
-    "fine": ("Fine", "More accurate, for final pictures"),
-    "strict": ("Very Fine", "The most accurate quality, and slow"),
+    "fine": ("Fine", "More accurate, for final pictures; up to twice the time of Standard"),
+    "strict": ("Very Fine", "The most accurate; 3 to 5 times the time of Standard, with shadows often more"),
 }
 CLASSIFICATION_TEXTS = {
     "pre": ("Colors", "Give every voxel its color and opacity, then interpolate those, as in the paper "

@@ -46,6 +46,10 @@ DISPLAY_ITEMS = [
 ]
 SHOWN = tuple(item[0] for item in DISPLAY_ITEMS)  # the modes in the order of the panel
 MODE_ITEMS = [DISPLAY_ITEMS[SHOWN.index(name)] for name in tables.MODES]  # in that of files
+SHIFT = (
+    "Slide colors and opacity along the values, in their unit: negative shows less dense material, too. Level moves by "
+    "as much"
+)
 LIGHTING_ITEMS = [
     ("SCENE", "Scene Lights", "Use the lights of the scene, or a headlight if there are none"),
     ("HEADLIGHT", "Headlight", "Use one white parallel light that shines along the camera's axis"),
@@ -152,8 +156,9 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     value_high: FloatProperty(name="Largest Value", description="Largest physical value of the volume", default=1.0)
 
     label_file: StringProperty(
-        name="Label File", description="Label file: a volume of whole numbers on the same grid, such as a "
-        "segmentation. If a segment has its own transfer function or color, edges inside the volume are softer",
+        name="Label File", description="Segmentation: a label map, a folder of masks, DICOM SEG or RTSTRUCT, matched "
+        "to the scan by its place in the patient. If a segment has its own transfer function or color, edges inside "
+        "the volume are softer",
         subtype="FILE_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"}, update=_labels_chosen)  # fmt: skip
     labels: CollectionProperty(type=LabelProperties, name="Segments", description="Appearance of each segment")
     labels_of: StringProperty(
@@ -169,7 +174,8 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         name="Smooth Edges", description="Smooth the edges of segments instead of showing the steps of their voxels",
         default=True)  # fmt: skip
     channels: CollectionProperty(
-        type=ChannelProperties, name="Channels", description="Volumes on the same grid that are added to the picture"
+        type=ChannelProperties, name="Channels", description="Volumes shown together with this one, such as a PET on "
+        "its CT"
     )
     clip_flipped: BoolProperty(
         name="Flip", description="Keep the other part of the volume", set=_flip,
@@ -189,7 +195,8 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         options={"HIDDEN"})  # fmt: skip
     slice_position: FloatProperty(
         name="Position", description="Distance of the slice from the middle of the scan along its normal, in the "
-        "file's unit of length, mm for patients", precision=1, step=100, options=set(), set=_move_slice,
+        "file's unit of length, mm for patients. In most CT scans positive is toward the left, back or head",
+        precision=1, step=100, options=set(), set=_move_slice,
         get=lambda group: group.id_data.location.z * _slice_step(group))  # fmt: skip
     slices_follow_window: BoolProperty(
         name="Same as Volume", default=True, update=_unlink_slices,
@@ -223,12 +230,12 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         options={"HIDDEN"})  # fmt: skip
     shift_by: FloatProperty(  # a drag moves it by a unit for each pixel
         name="Shift", translation_context=OURS, step=100, precision=1, get=_shift_of, set=_shift,
-        description="Slide colors and opacity along the values, in their unit. Level moves by as much")  # fmt: skip
+        description=SHIFT)  # fmt: skip
     shift_finely: FloatProperty(
         name="Shift", translation_context=OURS, step=1, precision=3, get=_shift_of, set=_shift,
-        description="Slide colors and opacity along the values, in their unit. Level moves by as much")  # fmt: skip
+        description=SHIFT)  # fmt: skip
     opacity_scale: LiveFloat(
-        name="Opacity", description="Factor on the whole opacity curve", default=1.0, min=0.0, soft_max=2.0
+        name="Opacity", description="Multiply the opacity of the whole volume", default=1.0, min=0.0, soft_max=2.0
     )
     opacity_unit_distance: LiveFloat(
         name="Opacity Unit Distance", description="Thickness of material, in mm for patients, at which the opacity "
@@ -274,7 +281,7 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         "end of the curve: change of the values per unit of length, such as HU per mm")  # fmt: skip
     gradient_high: LiveFloat(
         name="To", default=100.0, min=0.0, soft_max=1000.0, precision=2,
-        description="Gradient at the right end of the curve")  # fmt: skip
+        description="Gradient To: the gradient at the right end of the curve")  # fmt: skip
     specular: LiveFloat(
         name="Specular", default=0.2, min=0.0, soft_max=1.0, description="Brightness of the white highlights"
     )
@@ -287,8 +294,8 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
                ("PHONG", "Phong", "Use the mirror direction of the light")))  # fmt: skip
     smoothness: LiveFloat(
         name="Smoothness", default=-1.0, min=-1.0, soft_max=10.0, precision=2,
-        description="Standard deviation in mm of the Gaussian that smooths values before light is computed, which "
-        "removes the rings of thick slices. 0 is off")  # fmt: skip
+        description="How far, in mm, surfaces are smoothed for light (standard deviation of a Gaussian). Removes the "
+        "rings of thick slices, rounds fine edges. 0 is off")  # fmt: skip
     use_automatic_smoothness: BoolProperty(
         name="Automatic", description="Smooth surfaces by the largest voxel spacing, at most 2 mm",
         **switch("smoothness", -1.0, 1.0))  # fmt: skip
