@@ -70,7 +70,7 @@ class MediumFile:
                 grid.transform = self._openvdb.createLinearTransform(np.transpose(matrix).tolist())  # of row vectors
         except ArithmeticError:
             raise RleSplatError(
-                "The volume is too small in the scene for OpenVDB; raise Scene Scale in Render > Whole Scene."
+                "The volume is too small in the scene for OpenVDB; raise Scene Scale in the panel File."
             ) from None
         path = Path(path)
         try:
