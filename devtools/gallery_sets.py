@@ -98,9 +98,11 @@ def aorta(stage: Stage):
 
 WHOLE = {2, 3, 5, 6, 7, 8, 11, 12, 13, 14}  # nuclei that no side of the stack cuts
 DIVIDING = 4
-BLUE, GOLD = (0.16, 0.3, 0.75), (0.95, 0.5, 0.08)
+BLUE = (0.16, 0.3, 0.75)
+GOLD = (0.95, 0.5, 0.08)
 BUMPY = 13  # has a rim of its neighbor
-SIDE_UM, BAR_UM = 66.3, 20.0  # of the stack, and of the scale bar
+SIDE_UM = 66.3  # of the stack
+BAR_UM = 20.0  # of the scale bar
 
 
 def nuclei(stage: Stage):
