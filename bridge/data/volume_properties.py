@@ -174,8 +174,9 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         name="Smooth Edges", description="Smooth the edges of segments instead of showing the steps of their voxels",
         default=True)  # fmt: skip
     channels: CollectionProperty(
-        type=ChannelProperties, name="Channels", description="Volumes shown together with this one, such as a PET on "
-        "its CT"
+        type=ChannelProperties,
+        name="Channels",
+        description="Volumes shown together with this one, such as a PET on its CT",
     )
     clip_flipped: BoolProperty(
         name="Flip", description="Keep the other part of the volume", set=_flip,
