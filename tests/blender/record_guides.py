@@ -38,6 +38,7 @@ from tests.blender.window_driver import (
 DATA = Path(__file__).parent / "data"
 HEAD, ORGANS, QUALITY = "560x560+190+170", "540x610+160+140", "70"
 RAW, AORTA = "cthead_256x256x113_uint16be.raw.gz", "cta_aorta_labels"
+HOME = Path("/home/ana/scans")  # of the small system: a path that a reader could have
 PANELS = ("transfer", "slices", "shading")  # that are open
 # Of the tutorial on organs: the slice's place in mm and its level and window in HU; of each name the place that it is
 # for, in meters from the middle of the scan, how far it stands to the right of it as seen, and its alignment.
@@ -182,10 +183,13 @@ def pinned():
 
 def raw_file():
     yield from begin()
+    HOME.mkdir(parents=True)
     with in_the_view():
-        bpy.ops.rle_splat.import_volume("INVOKE_DEFAULT", filepath=str(DATA / RAW))
+        bpy.ops.rle_splat.import_volume("INVOKE_DEFAULT", filepath=shutil.copy(DATA / RAW, HOME))
     yield from wait_for_rest()
     yield from keep("how-to-raw")
+    yield from press("ESC", middle())  # an open dialog keeps areas from being moved
+    shutil.rmtree(HOME)
     passed("raw file")
 
 
@@ -193,7 +197,8 @@ def masks() -> Path:
     """A folder of masks as TotalSegmentator writes them; that of both lumina is split."""
     import nibabel  # the extension brings it
 
-    folder = Path(tempfile.mkdtemp(prefix="rle_splat_masks_"))
+    folder = HOME / "segmentations"
+    folder.mkdir(parents=True)
     for path in (DATA / AORTA).glob("mask_*.nii.gz"):
         shutil.copyfile(path, folder / path.name.removeprefix("mask_"))
     both = nibabel.load(DATA / AORTA / "labels_true_false_lumen_uint8.nii.gz")
@@ -218,7 +223,7 @@ def tutorial_of_organs():
     """From a scan with its masks beside it to a render with names."""
     open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_labels", "RLE_SPLAT_PT_slices")
     yield from begin()
-    scan = masks().rename(Path(tempfile.mkdtemp()) / "segmentations").parent / "ct.nii.gz"
+    scan = masks().parent / "Aorta CT.nii.gz"
     shutil.copyfile(DATA / AORTA / "cta_heart_aorta_120x126x164_int16.nii.gz", scan)
     bpy.context.preferences.view.render_display_type = "AREA"
     scene, view = bpy.context.scene, area_of("VIEW_3D").spaces.active
@@ -286,10 +291,16 @@ def tutorial_of_organs():
     yield from press("F12", middle())
     yield from until(lambda: ended and not bpy.app.is_job_running("RENDER"))
     yield from wait_for_rest()
+    half = window().width // 2, window().height // 2
+    for value in ("PRESS", "RELEASE"):  # the whole picture, as large as the window
+        window().event_simulate(type="HOME", value=value, x=half[0], y=half[1], shift=True)
+    yield
+    yield from wait_for_rest()
     yield from keep("organs-5-rendered")
     path = Path(os.environ[SHOTS]) / "organs-figure.png"
     bpy.data.images["Render Result"].save_render(str(path))
     subprocess.run(["convert", str(path), "-quality", "88", str(path.with_suffix(".jpg"))], check=True)
+    shutil.rmtree(HOME)
     passed("tutorial of organs")
 
 
