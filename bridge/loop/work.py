@@ -61,7 +61,7 @@ class PictureWork(NamedTuple):
 _pictures: dict = {}  # name of who shows it -> PictureWork
 _queue: dict = {}  # key of the files, see ``loading.key_of`` -> ReadingWork; the first one is worked on
 _failed: set = set()  # keys of sources that could not be read; asking for them again tells why
-_ahead = [0]  # frames of the timeline after this one, from where on one is looked for to be read ahead; 0 for none
+_ahead = [0]  # frame from where on one is looked for to be read ahead: 1 is the one that is shown; 0 for none
 _looked: set = set()  # (session id of a volume object, its frame) that were looked at
 _behind: dict = {}  # store.Wish -> Held volume object whose frame was not there in time during playback
 _moved = [0]  # frames that playback went on by while the last one was read; negative backward or after a new round
@@ -209,7 +209,7 @@ def _next_frame(playing: bool = False) -> dict:
     scenes = dict.fromkeys(window.scene for window in bpy.context.window_manager.windows)
     followed = [(scene, owner) for scene in scenes for owner in volumes.volume_objects(scene)
                 if owner.rle_splat.frame_count > 1 and (playing or volumes.is_at_hand(owner))]  # fmt: skip
-    first = 1 + _moved[0] if playing else _ahead[0]
+    first = 1 + _moved[0] if playing else _ahead[0] - 1  # what is shown stays, too
     for n in range(first, first + MOST_AHEAD):
         for scene, owner in followed:
             ahead = frames_until(scene, n)
@@ -220,16 +220,16 @@ def _next_frame(playing: bool = False) -> dict:
                 _looked.add(frame)
             try:
                 key = loading.key_of(owner, ahead=ahead)
+                if key in _failed or loading.is_ahead(owner, ahead):
+                    continue
             except RleSplatError:
                 continue  # the frame is missing; it is said when it is shown
-            if key in _failed or loading.is_ahead(owner, ahead):
-                continue
-            if playing or n == 1 or store.has_room(owner):
+            if playing or n <= 1 or store.has_room(owner):
                 return {key: ReadingWork(loading.load_ahead_steps(owner, ahead), began=scene.frame_current)}
             _ahead[0] = 0
             return {}
     if not playing:
         longest = max((last - min(first, scene.frame_current) for scene, _ in followed
                        for first, last in [round_of(scene)]), default=0)  # fmt: skip
-        _ahead[0] = _ahead[0] + MOST_AHEAD if _ahead[0] + MOST_AHEAD <= longest + 1 else 0
+        _ahead[0] = _ahead[0] + MOST_AHEAD if _ahead[0] + MOST_AHEAD <= longest + 2 else 0
     return {}
