@@ -47,11 +47,16 @@ def is_playing() -> bool:
     return any(window.screen.is_animation_playing for window in bpy.context.window_manager.windows)
 
 
+def round_of(scene) -> tuple[int, int]:
+    """The first and last frame of playback."""
+    if scene.use_preview_range:
+        return scene.frame_preview_start, scene.frame_preview_end
+    return scene.frame_start, scene.frame_end
+
+
 def frames_until(scene, ahead: int) -> int:
     """How far from the current frame playback is after some more frames, in a round from the first to the last one."""
-    first, last = scene.frame_start, scene.frame_end
-    if scene.use_preview_range:
-        first, last = scene.frame_preview_start, scene.frame_preview_end
+    first, last = round_of(scene)
     later = min(scene.frame_current, last) + ahead
     if later > last or later < first <= scene.frame_current:
         later = first + (later - first) % max(last - first + 1, 1)

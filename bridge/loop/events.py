@@ -51,6 +51,7 @@ SUBSCRIBERS = (
     *slice_pictures.HANDLERS,
     *picture_files.HANDLERS,
     *live.HANDLERS,
+    *work.HANDLERS,
     *store.HANDLERS,
     ("load_pre", forget_all),
 )

@@ -108,6 +108,12 @@ def forget_all() -> None:
     _wanted.clear()
 
 
+def has_room(owner) -> bool:
+    """Whether one more frame of a volume object, with its labels, leaves the others in memory."""
+    shown = {key for wish, key in _wanted.items() if wish.owner == owner.session_uid and not _is_of_frame(wish)}
+    return nbytes() + sum(_bytes_of(_entries.get(key)) for key in shown) <= MOST_BYTES
+
+
 def nbytes() -> int:
     """Bytes of all entries; what lies in mapped files does not count."""
     return sum({id(value): _bytes_of(value) for value in _entries.values()}.values())

@@ -65,6 +65,12 @@ def stop_all() -> None:
         bpy.app.timers.unregister(_tick)
 
 
+def is_quiet(function: Callable, seconds: float) -> bool:
+    """Whether no other function is called within some seconds."""
+    until = time.perf_counter() + seconds
+    return all(due > until for other, due in _due.items() if other is not function)
+
+
 def must_wait() -> bool:
     """Whether a render or an operator of ours runs, before which other work waits."""
     return bpy.app.is_job_running("RENDER") or jobs.StepwiseOperator.is_running()

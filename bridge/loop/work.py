@@ -2,9 +2,9 @@
 
 Viewports, slices and a backdrop that follows the scene ask for what a volume object shows now.  What is wanted stays in
 the queue until it is read, or until the object shows something else.  Slices in full and the backdrop come next.  When
-nothing is asked for, the next frame of one volume in time is read ahead.  During playback only frames are read that
-will be shown when they are there; those that come before are dropped.  Scripts and background mode do not wait for
-timers: they read at once.
+nothing else is done, the frames that follow of volumes in time are read ahead, until all are in memory or it is full.
+During playback only frames are read that will be shown when they are there; those that come before are dropped.
+Scripts and background mode do not wait for timers: they read at once.
 """
 
 import math
@@ -14,10 +14,11 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import bpy
+from bpy.app.handlers import persistent
 
 from ...rle_splat.runtime.steps import Progress
 from ...rle_splat.scene import RleSplatError
-from ..data.playback import frames_until, is_playing
+from ..data.playback import frames_until, is_playing, round_of, shown_frame
 from ..held import Held
 from ..pictures.canvas import redraw_sidebars
 from ..volumes import loading, volumes
@@ -25,8 +26,8 @@ from . import store, timer
 
 PURPOSE = "picture"  # of a wish, see ``store.Wish``
 BACKDROP, SLICES = "backdrop", "slices"  # names of pictures
-LOOK_AROUND = 0.2  # seconds after a frame change until the next frame is read: the user may drag on
-MOST_AHEAD = 8  # frames that are looked at for one to be read ahead during playback
+LOOK_AROUND = 0.2  # seconds after a frame change, and before other work, in which nothing is read ahead
+MOST_AHEAD = 8  # frames that are looked at in a step for one to be read ahead
 
 
 @dataclass(eq=False)
@@ -60,7 +61,8 @@ class PictureWork(NamedTuple):
 _pictures: dict = {}  # name of who shows it -> PictureWork
 _queue: dict = {}  # key of the files, see ``loading.key_of`` -> ReadingWork; the first one is worked on
 _failed: set = set()  # keys of sources that could not be read; asking for them again tells why
-_is_due = [False]  # whether the next frame may be read ahead; once for each frame, however many volumes there are
+_ahead = [0]  # frame from where on one is looked for to be read ahead: 1 is the one that is shown; 0 for none
+_looked: set = set()  # (session id of a volume object, its frame) that were looked at
 _behind: dict = {}  # store.Wish -> Held volume object whose frame was not there in time during playback
 _moved = [0]  # frames that playback went on by while the last one was read; negative backward or after a new round
 
@@ -94,11 +96,16 @@ def want(owner, depsgraph=None) -> bool:
     return waits
 
 
-def consider() -> None:
-    """Read the next frame ahead, if a volume in time follows the timeline or keyframes."""
-    if not bpy.app.background:
-        _is_due[0] = True
+@persistent
+def consider(_scene=None, depsgraph=None) -> None:
+    """Handler: read the frames that follow ahead, of volumes in time that follow the timeline or keyframes."""
+    if not bpy.app.background and (depsgraph is None or depsgraph.mode != "RENDER"):
+        _ahead[0] = 1
+        _looked.clear()
         timer.start(_tick, 0.0 if is_playing() else LOOK_AROUND)
+
+
+HANDLERS = ("depsgraph_update_post", consider), ("frame_change_post", consider)
 
 
 def begin(name: str, made_from, steps: Generator, after: float = 0.0) -> None:
@@ -134,7 +141,7 @@ def stop() -> None:
     _pictures.clear()
     _failed.clear()
     _behind.clear()
-    _is_due[0] = False
+    _ahead[0] = 0
     timer.stop(_tick)
 
 
@@ -151,10 +158,11 @@ def _tick():
     playing = is_playing()
     name, one = min(_pictures.items(), key=lambda item: item[1].due, default=(None, None))
     wait = math.inf if one is None else one.due - time.perf_counter()
-    if not _queue and (_is_due[0] or playing) and wait > 0.0:
-        _is_due[0] = False
+    is_asked = playing or any(work.waiting for work in _queue.values())
+    may_read = is_asked or (wait > 0.0 and timer.is_quiet(_tick, LOOK_AROUND))
+    if may_read and not _queue and (_ahead[0] or playing) and wait > 0.0:
         _queue.update(_next_frame(playing))
-    if _queue:
+    if may_read and _queue:
         _advance(next(iter(_queue)))
     elif wait <= 0.0:
         if next(one.steps, None) is None and _pictures.get(name) is one:
@@ -163,9 +171,9 @@ def _tick():
         redraw_sidebars(bpy.context)
     if _behind and not (playing and _queue):
         _tag_behind(playing)
-    if _queue or _is_due[0] or wait <= 0.0:
+    if wait <= 0.0 or (may_read and (_queue or (_ahead[0] and not playing))):
         return timer.AT_ONCE
-    wait = min(wait, LOOK_AROUND if _behind else math.inf)
+    wait = min(wait, LOOK_AROUND if _behind or _queue or _ahead[0] else math.inf)
     return wait if wait < math.inf else None
 
 
@@ -197,19 +205,31 @@ def _tag_behind(playing: bool) -> None:
 
 
 def _next_frame(playing: bool = False) -> dict:
-    """Key and ReadingWork of the next frame of the first volume that needs one; empty if none does."""
-    for window in bpy.context.window_manager.windows:
-        scene = window.scene
-        first = 1 + (_moved[0] if playing else 0)
-        for owner in volumes.volume_objects(scene):
-            if owner.rle_splat.frame_count == 1 or not (playing or volumes.is_at_hand(owner)):
-                continue
-            for n in range(first, first + MOST_AHEAD if playing else 2):
-                ahead = frames_until(scene, n) if playing else n
-                try:
-                    key = loading.key_of(owner, ahead=ahead)
-                except RleSplatError:
-                    continue  # the frame is missing; it is said when it is shown
-                if key not in _failed and not loading.is_ahead(owner, ahead):
-                    return {key: ReadingWork(loading.load_ahead_steps(owner, ahead), began=scene.frame_current)}
+    """Key and ReadingWork of the next frame that is not in memory, of MOST_AHEAD that are looked at; else empty."""
+    scenes = dict.fromkeys(window.scene for window in bpy.context.window_manager.windows)
+    followed = [(scene, owner) for scene in scenes for owner in volumes.volume_objects(scene)
+                if owner.rle_splat.frame_count > 1 and (playing or volumes.is_at_hand(owner))]  # fmt: skip
+    first = 1 + _moved[0] if playing else _ahead[0] - 1  # what is shown stays, too
+    for n in range(first, first + MOST_AHEAD):
+        for scene, owner in followed:
+            ahead = frames_until(scene, n)
+            frame = owner.session_uid, shown_frame(owner, ahead=ahead)
+            if not playing:
+                if frame in _looked:
+                    continue
+                _looked.add(frame)
+            try:
+                key = loading.key_of(owner, ahead=ahead)
+                if key in _failed or loading.is_ahead(owner, ahead):
+                    continue
+            except RleSplatError:
+                continue  # the frame is missing; it is said when it is shown
+            if playing or n <= 1 or store.has_room(owner):
+                return {key: ReadingWork(loading.load_ahead_steps(owner, ahead), began=scene.frame_current)}
+            _ahead[0] = 0
+            return {}
+    if not playing:
+        longest = max((last - min(first, scene.frame_current) for scene, _ in followed
+                       for first, last in [round_of(scene)]), default=0)  # fmt: skip
+        _ahead[0] = _ahead[0] + MOST_AHEAD if _ahead[0] + MOST_AHEAD <= longest + 2 else 0
     return {}

@@ -52,7 +52,6 @@ def _on_frame_change_post(scene, depsgraph=None):
     """Handler: follow the timeline without the pause, so that a backdrop keeps up with playback."""
     if depsgraph is not None and depsgraph.mode != "RENDER" and not _attending:
         follow(scene, depsgraph, _is_moving(), marked_camera(scene))
-        work.consider()
 
 
 @persistent

@@ -121,10 +121,10 @@ def are_used(owner) -> bool:
     return bool(owner.rle_splat.label_file) and len(owner.rle_splat.labels) > 0
 
 
-def are_at_hand(owner, volume, depsgraph=None, ahead: int = 0) -> bool:
+def are_at_hand(owner, volume, depsgraph=None) -> bool:
     """Whether the labels of a volume object are in memory, or their file is missing, which ``load_steps`` says."""
     try:
-        return store.find(file_of(owner, depsgraph, ahead).key(volume)) is not None
+        return store.find(file_of(owner, depsgraph).key(volume)) is not None
     except RleSplatError:
         return True
 

@@ -77,9 +77,10 @@ def load_ahead_steps(owner, ahead: int):
 
 
 def is_ahead(owner, ahead: int) -> bool:
-    """Whether what ``load_ahead_steps`` reads is in memory."""
-    volume = volumes.at_hand(owner, ahead=ahead)
-    return volume is not None and (not _labels_change(owner) or labels.are_at_hand(owner, volume, ahead=ahead))
+    """Whether what ``load_ahead_steps`` reads is in memory, and stays; RleSplatError if its file is missing."""
+    keys = [volumes.source_of(owner, shown_frame(owner, ahead=ahead)).key]
+    keys += [labels.file_of(owner, ahead=ahead)] if _labels_change(owner) else []
+    return all(store.has_any(store.frame_wish(owner, key)) for key in keys)
 
 
 def _labels_change(owner) -> bool:

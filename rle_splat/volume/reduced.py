@@ -3,13 +3,17 @@
 import hashlib
 import math
 from dataclasses import replace
+from functools import reduce
 
 import numpy as np
 
 from ..runtime.memory import refuse_beyond
 from ..runtime.steps import Progress
 from ..scene import RleSplatError
+from .blocks import cut_chunks
 from .volume import Volume
+
+AT_ONCE = 1 << 18  # voxels that are merged at once, which stay in the processor's cache
 
 
 def factors_of(volume: Volume, side: int) -> tuple[int, int, int]:
@@ -83,23 +87,36 @@ def _every(step: int, count: int) -> range:
     return range(min(step // 2, count // 2), count, step)
 
 
-def average(parts: list) -> np.ndarray:
-    """Means of arrays of one shape, rounded for whole numbers."""
-    total = np.zeros(parts[0].shape)
-    for part in parts:
-        total += part
-    total /= len(parts)
-    return np.rint(total, out=total) if parts[0].dtype.kind in "iu" else total
+def average(planes: list, fy: int, fx: int) -> np.ndarray:
+    """Means of ``fy`` by ``fx`` voxels in all of some arrays of planes, rounded for whole numbers."""
+    is_whole, count = planes[0].dtype.kind in "iu", len(planes) * fy * fx
+    kind = np.int32 if is_whole and planes[0].itemsize < 4 and count < 1 << 15 else np.float64
+    total = _folded(np.add, [plane.astype(kind) for plane in planes], fy, fx) / count
+    return np.rint(total, out=total) if is_whole else total
 
 
-def majority(parts: list) -> np.ndarray:
-    """What more than half of some arrays of one shape hold; one of their values where none does (Boyer and Moore)."""
-    found, lead = parts[0].copy(), np.ones(parts[0].shape, np.int16)
-    for part in parts[1:]:
-        lead += np.where(part == found, np.int16(1), np.int16(-1))
-        np.copyto(found, part, where=lead < 0)
+def majority(planes: list, fy: int, fx: int) -> np.ndarray:
+    """What more than half of the voxels of each block hold, as in ``average``; one of their values where none does.
+
+    By Boyer and Moore, where a block does not hold one value alone.
+    """
+    found = _folded(np.minimum, planes, fy, fx)
+    mixed = np.nonzero(found != _folded(np.maximum, planes, fy, fx))
+    first, *others = (plane[:, y::fy, x::fx][mixed] for plane in planes for y in range(fy) for x in range(fx))
+    lead = np.ones(first.shape, np.int16)
+    for part in others:
+        lead += np.where(part == first, np.int16(1), np.int16(-1))
+        np.copyto(first, part, where=lead < 0)
         np.abs(lead, out=lead)
+    found[mixed] = first
     return found
+
+
+def _folded(merge, planes: list, fy: int, fx: int) -> np.ndarray:
+    """Planes merged with each other, then rows and then columns: what is one after another in memory first."""
+    rows = reduce(merge, planes)
+    columns = reduce(merge, [rows[:, y::fy] for y in range(fy)])
+    return reduce(merge, [columns[..., x::fx] for x in range(fx)])
 
 
 def reduce_steps(volume: Volume, factors: tuple[int, int, int], merge=average):
@@ -127,14 +144,15 @@ def reduce_steps(volume: Volume, factors: tuple[int, int, int], merge=average):
     (fx, fy, fz), fine = factors, volume.voxels
     nx, ny, nz = (-(-count // factor) for count, factor in zip(volume.shape_xyz, factors))
     refuse_beyond(nx * ny * nz * fine.dtype.itemsize, "The volume in larger voxels needs", "free some memory")
-    beyond = (0, ny * fy - fine.shape[1]), (0, nx * fx - fine.shape[2])
+    beyond = [(0, 0), (0, ny * fy - fine.shape[1]), (0, nx * fx - fine.shape[2])]
     voxels = np.empty((nz, ny, nx), fine.dtype)
-    for z in range(nz):
-        yield z / nz
-        planes = [fine[min(plane, len(fine) - 1)] for plane in range(z * fz, (z + 1) * fz)]
+    for first, last in cut_chunks(nz, fz * fine[0].size, AT_ONCE):
+        yield first / nz
+        planes = fine[first * fz : last * fz]
+        beyond[0] = 0, (last - first) * fz - len(planes)
         if any(map(any, beyond)):
-            planes = [np.pad(plane, beyond, mode="edge") for plane in planes]
-        voxels[z] = merge([plane[y::fy, x::fx] for plane in planes for y in range(fy) for x in range(fx)])
+            planes = np.pad(planes, beyond, mode="edge")
+        voxels[first:last] = merge([planes[z::fz] for z in range(fz)], fy, fx)
     voxels.flags.writeable = False
     found = replace(volume, voxels=voxels, affine=volume.affine @ node_to_index(factors))
     # Its own voxels need not be read for a hash of them.

@@ -1,6 +1,7 @@
 """Volumes in time: which frame is shown, each rendered frame shows its own, and how many are kept in memory."""
 
 from importlib import import_module
+from time import perf_counter
 from types import SimpleNamespace
 
 import bpy
@@ -112,14 +113,40 @@ def run_timer(work) -> int:
     return count
 
 
-def test_the_timer_reads_the_next_frame_once_for_each_frame(owner, bridge):
-    volumes, work = bridge("volumes.volumes"), bridge("loop.work")
-    shown_at(bridge, owner, (1, 2))
-    assert entries(bridge) == 1 and not volumes.is_at_hand(owner, ahead=1)
-    work._is_due[0] = True
+@pytest.fixture
+def reads(bridge, monkeypatch):
+    """The files that were read, each once for each reading."""
+    volumes, found = bridge("volumes.volumes"), []
+    read = volumes.file_steps
+    monkeypatch.setattr(volumes, "file_steps", lambda path, options: found.append(path) or read(path, options))
+    return found
+
+
+def test_all_frames_are_read_ahead_while_nothing_else_is_done(owner, bridge, reads):
+    work, timer = bridge("loop.work"), bridge("loop.timer")
+    assert shown_at(bridge, owner, (1, 2)) == [1, 2] and entries(bridge) == 1
+    del reads[:]
+    work._ahead[0], timer._due[run_timer] = 1, perf_counter() + 0.1
+    assert work._tick() == work.LOOK_AROUND and not work._queue, "other work comes first"
+    timer.stop(run_timer)
     run_timer(work)
-    assert volumes.is_at_hand(owner, ahead=1) and entries(bridge) == 2 and work.progress() is None
+    assert [path[-8:] for path in reads] == ["0003.raw", "0004.raw", "0001.raw"] and work.progress() is None
+    assert shown_at(bridge, owner, (1, 3, 2)) == [1, 3, 2] and len(reads) == 3
     assert not work._queue and work._tick() is None  # nothing more until the frame changes
+    work._ahead[0] = 1
+    run_timer(work)
+    assert len(reads) == 3
+
+
+@pytest.mark.parametrize("room, expected", [(1, [2]), (3, [2, 3])])
+def test_frames_are_read_ahead_until_memory_is_full(owner, bridge, reads, monkeypatch, room, expected):
+    """The next one always."""
+    work = bridge("loop.work")
+    monkeypatch.setattr(bridge("loop.store"), "MOST_BYTES", room * N**3)
+    assert value_now(bridge, owner) == 1
+    work._ahead[0] = 1
+    run_timer(work)
+    assert [int(path[-8:-4]) for path in reads] == expected
 
 
 def test_what_is_wanted_now_is_read_by_the_timer_and_then_shown(owner, bridge, sequence):
@@ -236,16 +263,19 @@ def test_the_next_keyframed_frame_is_read_ahead(owner, bridge, playback, name, k
         setattr(owner.rle_splat, name, value)
         owner.keyframe_insert(f"rle_splat.{name}", frame=time)
     assert shown_at(bridge, owner, (1,)) == [1]
-    work._is_due[0] = True
+    work._ahead[0] = 1
     run_timer(work)
     assert entries(bridge) == 2
     bpy.context.scene.frame_set(2)
     assert volumes.is_at_hand(owner) and value_now(bridge, owner) == 4
 
 
-def test_the_one_frame_that_is_shown_is_not_read_again(owner, bridge):
-    owner.rle_splat.playback = "FIXED"
-    assert value_now(bridge, owner) == 1 and bridge("loop.work")._next_frame() == {}
+def test_the_one_frame_that_is_shown_is_not_read_again(owner, bridge, reads):
+    owner.rle_splat.playback, work = "FIXED", bridge("loop.work")
+    assert value_now(bridge, owner) == 1
+    work._ahead[0] = 1
+    run_timer(work)
+    assert not reads and entries(bridge) == 1
 
 
 def test_another_frame_that_was_written_again_is_told(owner, bridge, sequence):
@@ -409,10 +439,13 @@ def test_labels_follow_the_frame_of_a_file_in_time(frames, tmp_path, bridge, cor
         assert loading.is_at_hand(owner, depsgraph)
     assert found == ([[1, 0], [0, 2], [3, 0], [3, 0], [1, 0]] if frames > 1 else 5 * [[1, 0]])
     assert len(keys) == frames
-    core("runtime.steps").drain(loading.load_ahead_steps(owner, 1))  # of frame 2
-    assert len(store._entries) == (4 if frames > 1 else 3)
-    bpy.context.scene.frame_set(2)
-    assert loading.is_at_hand(owner, bpy.context.evaluated_depsgraph_get())
+    work = bridge("loop.work")
+    work._ahead[0] = 1
+    run_timer(work)
+    assert len(store._entries) == (6 if frames > 1 else 4)
+    for frame in (2, 3):
+        bpy.context.scene.frame_set(frame)
+        assert loading.is_at_hand(owner, bpy.context.evaluated_depsgraph_get())
     if frames > 1:
         owner.rle_splat.active_label = 1
         refused(bpy.ops.rle_splat.change_segment, "change with time", tool="FILL")

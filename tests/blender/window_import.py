@@ -26,6 +26,7 @@ from tests.blender.window_driver import (
     photograph,
     region_of,
     until,
+    wait_for_rest,
     window,
 )
 
@@ -168,8 +169,8 @@ def check_chooser():
 
 
 def check_playback():
-    """After a frame change the next frame is read ahead, during playback all of them one after another; a followed
-    backdrop shows its frame."""
+    """After the import all frames are read ahead, and playback reads none and draws each; without them it reads one
+    after another.  A followed backdrop shows its frame."""
     yield from new_file()
     for frame in range(1, 5):  # darker and darker: a brighter one would look as the first does
         (FOLDER / f"beat_{frame:02d}.raw").write_bytes(bytes([250 - 50 * frame]) * 64**3)
@@ -179,24 +180,26 @@ def check_playback():
             use_sequence=True)  # fmt: skip
     ours, owner = import_module(f"{MODULE}.bridge.volumes.volumes"), volumes()[0]
     yield from photograph("time")
-    for frame in (1, 2, 3):
-        bpy.context.scene.frame_set(frame)
-        ours.load_volume(owner)
-        yield from until(lambda: ours.is_at_hand(owner, ahead=1))
-    scene, reads = bpy.context.scene, []
+    yield from wait_for_rest()
+    assert all(ours.is_at_hand(owner, ahead=n) for n in range(4))
+    scene, reads, drawn = bpy.context.scene, [], []
     scene.frame_start, scene.frame_end, owner.rle_splat.playback = 1, 4, "LOOP"
     store, live = import_module(f"{MODULE}.bridge.loop.store"), import_module(f"{MODULE}.bridge.live")
-    viewport = next(iter(live._lives.values())).viewport
-    drafts = viewport.counts["drafts"]
-    store.forget_all()
+    counts, load = next(iter(live._lives.values())).viewport.counts, ours.file_steps
+    ours.file_steps = lambda *given: reads.append(given) or load(*given)
+    bpy.app.handlers.frame_change_pre.append(lambda scene, _depsgraph: drawn.append(counts["drafts"]))
     with in_the_view():
         bpy.ops.screen.animation_play()
-    yield from until(lambda: all(ours.is_at_hand(owner, ahead=n) for n in range(4)))
-    yield from until(lambda: viewport.counts["drafts"] > drafts + 8)
-    load = ours.file_steps
-    ours.file_steps = lambda *given: reads.append(given) or load(*given)
-    drafts = viewport.counts["drafts"]
-    yield from until(lambda: viewport.counts["drafts"] > drafts + 8)
+    yield from until(lambda: len(drawn) > 8)
+    each = np.diff(drawn)
+    print(f"drafts between frames of playback: {each}", flush=True)
+    assert not reads and np.count_nonzero(each[-4:]) >= 3, "a frame is drawn before the next one"
+    drafts = counts["drafts"]
+    store.forget_all()
+    yield from until(lambda: len(reads) >= 4 and counts["drafts"] > drafts + 8)
+    del reads[:], bpy.app.handlers.frame_change_pre[-1]
+    drafts = counts["drafts"]
+    yield from until(lambda: counts["drafts"] > drafts + 8)
     ours.file_steps = load
     assert not reads, "a second round reads nothing"
     with in_the_view():
