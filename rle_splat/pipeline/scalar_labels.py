@@ -140,8 +140,8 @@ class ScalarLabels:
     tables: tuple[LookupTable, ...]
 
     @classmethod
-    def of(cls, functions: LabelFunctions, cells: LabelCells, own: LookupTable, volume, ends, length: float):
-        """``own``: table of the scene's own function; ``ends``: smallest and largest stored value of ``volume``;
+    def of(cls, functions: LabelFunctions, cells: LabelCells, own, volume, ends, length: float) -> ScalarLabels:
+        """``own``: LookupTable of the scene's own function; ``ends``: smallest and largest stored value of ``volume``;
         ``length``: world length of its unit."""
         shown = (CLEAR if function is None else function for function in functions.functions[1:])
         tables = (lookup_table(volume, one, ends, opacity_distance(volume, one, length)) for one in shown)
