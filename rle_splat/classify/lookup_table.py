@@ -13,6 +13,7 @@ import numpy as np
 
 from ..runtime.steps import drain
 from ..scene import RleSplatError
+from ..volume.counts import counts_values
 from .classification import optical_depth
 from .points import LARGEST, pieces, positive_intervals
 
@@ -149,7 +150,8 @@ def extinction_steps(table: LookupTable, stored, kind, infinite=()):
         1 / world length.
     """
     kind, found = np.dtype(kind), np.empty(len(stored), np.float32)
-    if kind.kind in "iu" and kind.itemsize <= 2:
+    stored = stored.view(kind) if counts_values(kind) else stored
+    if counts_values(kind) and len(stored) >= 1 << (8 * kind.itemsize):
         patterns = np.arange(1 << (8 * kind.itemsize), dtype=f"u{kind.itemsize}")
         of_patterns, stored = _look_up(table, patterns.view(kind).astype(np.float64)), stored.view(patterns.dtype)
         for first in range(0, len(stored), FOUND_AT_ONCE):

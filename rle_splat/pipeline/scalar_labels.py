@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from ..classify.classification import opacity_distance
-from ..classify.label_cells import NO_KIND, SLOPE_OF_ONE, LabelCells, cell_steps
+from ..classify.label_cells import KINDS, NO_KIND, SLOPE_OF_ONE, LabelCells, cell_steps
 from ..classify.label_edges import beside_any
 from ..classify.lookup_table import LookupTable, extinction_of, lookup_table
 from ..classify.reference import pack
@@ -140,11 +140,12 @@ class ScalarLabels:
     tables: tuple[LookupTable, ...]
 
     @classmethod
-    def of(cls, functions: LabelFunctions, cells: LabelCells, volume, ends, length: float) -> ScalarLabels:
-        """``ends``: smallest and largest stored value of ``volume``; ``length``: world length of its unit."""
-        shown = (CLEAR if function is None else function for function in functions.functions)
+    def of(cls, functions: LabelFunctions, cells: LabelCells, own, volume, ends, length: float) -> ScalarLabels:
+        """``own``: LookupTable of the scene's own function; ``ends``: smallest and largest stored value of ``volume``;
+        ``length``: world length of its unit."""
+        shown = (CLEAR if function is None else function for function in functions.functions[1:])
         tables = (lookup_table(volume, one, ends, opacity_distance(volume, one, length)) for one in shown)
-        return cls(functions, cells, tuple(tables))
+        return cls(functions, cells, (own, *tables))
 
     @property
     def key(self) -> tuple:
@@ -181,7 +182,7 @@ class ScalarLabels:
         sizes = np.bincount(numbers, minlength=count)
         dense = np.bincount(numbers, extinction, count) / np.maximum(sizes, 1)
         shares = np.where(kinds == NO_KIND, 0.0, dense[np.minimum(kinds, count - 1)] / max(dense.max(), 1e-30))
-        slopes = (shares[..., None] * self.cells.slopes[records]).sum(axis=1) / SLOPE_OF_ONE
+        slopes = sum(shares[:, k, None] * self.cells.slopes[records, k] for k in range(KINDS)) / SLOPE_OF_ONE
         steep = np.linalg.norm(slopes, axis=1) > FLAT
         at, slopes = at[steep], np.sign(volume.slope) * slopes[steep] @ np.linalg.inv(volume.affine[:3, :3])
         slopes /= np.maximum(np.linalg.norm(slopes, axis=1, keepdims=True), 1e-30)

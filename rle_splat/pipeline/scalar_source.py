@@ -157,7 +157,7 @@ class ScalarSource(Source):
             ends, infinite = find_value_ends(volume, scene.transfer_function, blocks)
             transfer = self._transfer(work, voxels_key, ends, length)
             channels = self._channels(work, relevant, further, length)
-            labels = None if cells is None else ScalarLabels.of(self._labels, cells, volume, ends, length)
+            labels = None if cells is None else ScalarLabels.of(self._labels, cells, transfer, volume, ends, length)
         key = voxels_key, relevant.key
         if labels is not None:
             key = (*key, labels.key)
