@@ -16,6 +16,8 @@ from mathutils import Matrix
 SKULL, HEAD = "dicom_ct_skull_phantom_512x512x140", "t1_head_188x256x190_uint8.nii.gz"
 AORTA = "cta_aorta_labels/cta_heart_aorta_120x126x164_int16.nii.gz"
 
+COOL = (0.85, 0.92, 1.0)  # on skin, which COLD makes gray
+
 
 @dataclass(frozen=True)
 class Recipe:
@@ -40,7 +42,7 @@ def _bone(stage: Stage) -> None:
 def _soft(stage: Stage) -> None:
     stage.area("Key", 60.0, (-1.4, -1.4, 1.3), WARM, use_shadow=True)
     stage.area("Fill", 15.0, (1.8, -1.2, 0.3), COLD, use_shadow=True)
-    stage.settings.ambient_occlusion = 0.8
+    stage.settings.ambient_occlusion = 0.4
 
 
 def _studio(stage: Stage) -> None:
@@ -50,8 +52,8 @@ def _studio(stage: Stage) -> None:
 
 
 def _skin(stage: Stage) -> None:
-    stage.lamp("Behind", "SPOT", 160.0, (1.4, 0.8, 0.1), WARM, spot_size=0.9, shadow_soft_size=0.1)
-    stage.lamp("Front", "SPOT", 140.0, (-1.0, -1.6, 0.7), COLD, spot_size=0.9, shadow_soft_size=0.1)
+    stage.lamp("Behind", "SPOT", 110.0, (1.4, 0.8, 0.1), WARM, spot_size=0.9, shadow_soft_size=0.3)
+    stage.lamp("Front", "SPOT", 110.0, (-1.0, -1.6, 0.7), COOL, spot_size=0.9, shadow_soft_size=0.3)
     stage.settings.indirect_light = 0.5
 
 
@@ -64,7 +66,7 @@ def _smoke(stage: Stage) -> None:
 def _values(stage: Stage) -> None:
     ours = stage.volume.rle_splat
     ours.display = "mip"
-    ours.window_center, ours.window_width = 450.0, 1300.0
+    ours.window_center, ours.window_width = 700.0, 1400.0
 
 
 OPAQUE = {"opacity_unit_distance": 0.05, "smoothness": 2.0, "shift_by": -100.0}  # mm, mm, HU: thin bone is whole
@@ -73,7 +75,15 @@ RECIPES = (
     Recipe("bone", SKULL, _bone, {"preset": "ct-bone"}, OPAQUE, aim=(0.0, 0.0, -0.06), lens=72.0),
     Recipe("soft", AORTA, _soft, VESSELS),
     Recipe("studio", SKULL, _studio, {"preset": "ct-bone"}, OPAQUE, (-1.1, -1.6, 0.3), (0.0, 0.0, -0.06), 72.0),
-    Recipe("skin", HEAD, _skin, {"preset": "mr-head"}, {"smoothness": 2.0}, aim=(0.0, 0.0, -0.14), lens=62.0),
+    Recipe(
+        "skin",
+        HEAD,
+        _skin,
+        {"preset": "mr-head"},
+        {"smoothness": 3.5, "specular": 0.0},
+        aim=(0.0, 0.0, -0.14),
+        lens=62.0,
+    ),
     Recipe("smoke", "smoke_fog.vdb", _smoke, aim=(0.0, 0.0, -0.05)),
     Recipe("values", AORTA, _values, VESSELS),
 )
