@@ -38,7 +38,7 @@ from tests.blender.window_driver import (
 DATA = Path(__file__).parent / "data"
 HEAD, ORGANS, QUALITY = "560x560+190+170", "540x610+160+140", "70"
 RAW, AORTA = "cthead_256x256x113_uint16be.raw.gz", "cta_aorta_labels"
-HOME = Path("/home/ana/scans")  # of the small system: a path that a reader could have
+HOME = Path("/", "home", "ana", "scans")  # of the small system: a path that a reader could have
 PANELS = ("transfer", "slices", "shading")  # that are open
 # Of the tutorial on organs: the slice's place in mm and its level and window in HU; of each name the place that it is
 # for, in meters from the middle of the scan, how far it stands to the right of it as seen, and its alignment.
