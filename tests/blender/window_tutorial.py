@@ -42,7 +42,7 @@ LEVEL, WINDOW = 750.0, 500.0  # HU, of the slice
 DOWN = 25  # turns of the wheel from the first panel to Cut, Slices and Render
 STRIP = (  # the gallery's strip, after the slices: photographs, and the part of each
     ("2-imported", "640x480+150+310"), ("3-preset", "640x480+150+310"), ("4-cut", "920x690+45+130"),
-    ("5-slice", "880x660+30+110"), ("7-rendered", "760x570+260+180"),
+    ("5-slice", "760x570+110+160"), ("7-rendered", "790x592+245+170"),
 )  # fmt: skip
 
 
@@ -173,14 +173,14 @@ def scenario():
     volume.rle_splat.slices_clear_black = True
     volume.rle_splat.slice_center, volume.rle_splat.slice_width = LEVEL, WINDOW
     area_of("VIEW_3D").spaces.active.region_3d.view_perspective = "PERSP"
-    look_from(62.0, -24.0, 1.15)
+    look_from(62.0, -20.0, 1.25)
     yield from settled()
     yield from keep("tutorial-5-slice", began)
 
     began = time.perf_counter()
     scene.view_settings.view_transform = "Standard"
     bpy.context.view_layer.objects.active = volume
-    look_from(62.0, -24.0, 2.1)  # a camera sees half of what a viewport does
+    look_from(62.0, -20.0, 2.45)  # a camera sees half of what a viewport does
     yield from settled()
     camera_to_view()
     with in_the_view():
