@@ -38,7 +38,7 @@ from tests.blender.window_driver import (
 DATA = Path(__file__).parent / "data"
 HEAD, ORGANS, QUALITY = "560x560+190+170", "540x610+160+140", "70"
 RAW, AORTA = "cthead_256x256x113_uint16be.raw.gz", "cta_aorta_labels"
-HOME = Path("/", "home", "ana", "scans")  # of the small system: a path that a reader could have
+SCANS = Path("/scans")  # of the small system: a path that a reader could have
 PANELS = ("transfer", "slices", "shading")  # that are open
 # Of the tutorial on organs: the slice's place in mm and its level and window in HU; of each name the place that it is
 # for, in meters from the middle of the scan, how far it stands to the right of it as seen, and its alignment.
@@ -185,13 +185,13 @@ def pinned():
 
 def raw_file():
     yield from begin()
-    HOME.mkdir(parents=True)
+    SCANS.mkdir(parents=True)
     with in_the_view():
-        bpy.ops.rle_splat.import_volume("INVOKE_DEFAULT", filepath=shutil.copy(DATA / RAW, HOME))
+        bpy.ops.rle_splat.import_volume("INVOKE_DEFAULT", filepath=shutil.copy(DATA / RAW, SCANS))
     yield from wait_for_rest()
     yield from keep("how-to-raw")
     yield from press("ESC", middle())
-    shutil.rmtree(HOME)
+    shutil.rmtree(SCANS)
     passed("raw file")
 
 
@@ -199,7 +199,7 @@ def masks() -> Path:
     """A folder of masks as TotalSegmentator writes them; that of both lumina is split."""
     import nibabel  # the extension brings it
 
-    folder = HOME / "segmentations"
+    folder = SCANS / "segmentations"
     folder.mkdir(parents=True)
     for path in (DATA / AORTA).glob("mask_*.nii.gz"):
         shutil.copyfile(path, folder / path.name.removeprefix("mask_"))
@@ -302,7 +302,7 @@ def tutorial_of_organs():
     path = Path(os.environ[SHOTS]) / "organs-figure.png"
     bpy.data.images["Render Result"].save_render(str(path))
     subprocess.run(["convert", str(path), "-quality", "88", str(path.with_suffix(".jpg"))], check=True)
-    shutil.rmtree(HOME)
+    shutil.rmtree(SCANS)
     passed("tutorial of organs")
 
 
