@@ -10,7 +10,6 @@ import numpy as np
 from ..runtime.memory import refuse_beyond
 from ..runtime.steps import Progress
 from ..scene import RleSplatError
-from .blocks import cut_chunks
 from .volume import Volume
 
 AT_ONCE = 1 << 18  # voxels that are merged at once, which stay in the processor's cache
@@ -146,7 +145,9 @@ def reduce_steps(volume: Volume, factors: tuple[int, int, int], merge=average):
     refuse_beyond(nx * ny * nz * fine.dtype.itemsize, "The volume in larger voxels needs", "free some memory")
     beyond = [(0, 0), (0, ny * fy - fine.shape[1]), (0, nx * fx - fine.shape[2])]
     voxels = np.empty((nz, ny, nx), fine.dtype)
-    for first, last in cut_chunks(nz, fz * fine[0].size, AT_ONCE):
+    at_once = max(AT_ONCE // (fz * fine[0].size), 1)
+    for first in range(0, nz, at_once):
+        last = min(first + at_once, nz)
         yield first / nz
         planes = fine[first * fz : last * fz]
         beyond[0] = 0, (last - first) * fz - len(planes)
