@@ -19,8 +19,8 @@ HANDLES = "RLE_SPLAT_GGT_clip_box", "RLE_SPLAT_GGT_clip_plane"
 SUBSCRIBERS = {
     "blend_import_post": ["source_paths", "index", "migration"],
     "depsgraph_update_post": [
-        "index", "image_changes", "meshes", "update", "slice_pictures", "shown", "live", "store"],
-    "frame_change_post": ["meshes", "over_render", "update", "slice_pictures", "shown"],
+        "index", "image_changes", "meshes", "update", "slice_pictures", "shown", "live", "work", "store"],
+    "frame_change_post": ["meshes", "over_render", "update", "slice_pictures", "shown", "work"],
     "load_post": ["source_paths", "index", "migration", "update", "slice_pictures", "picture_files", "shown"],
     "load_pre": ["events"], "redo_post": ["index", "meshes", "update", "slice_pictures", "shown", "store"],
     "render_cancel": ["over_render"], "render_complete": ["over_render"],
