@@ -222,6 +222,7 @@ def check_ring(name):
     arm = 75.0 * 0.8 / pixels * before.col[1].to_3d().normalized()  # Blender's size of handles, and ours
     path = axis.cross(arm)
     yield from drag(middle + arm, middle + arm + 0.5 * path, "plane_tilting")
+    yield from settled()  # with a redraw, in which the end of the drag becomes a step of undo
     after = bpy.data.objects[name].matrix_world.copy()
     turned = axis.dot(before.col[2].to_3d().normalized().cross(after.col[2].to_3d().normalized()))
     print(f"tilted by sine {turned}; the drag is {path.dot(up)} up", flush=True)
