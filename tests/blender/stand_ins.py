@@ -9,7 +9,7 @@ SIDE = 8  # voxels
 
 
 class Clock:
-    """Seconds that pass when told to."""
+    """A clock that a test sets."""
 
     def __init__(self):
         self.now = 100.0

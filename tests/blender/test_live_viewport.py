@@ -36,6 +36,19 @@ def test_a_draft_comes_at_once_and_the_picture_when_all_is_still(live, made):
     assert (viewport.counts["drafts"], viewport.counts["refinements"]) == (1, 1)
 
 
+def five_steps(clock, done: list):
+    """What makes no picture in five steps of 8 ms, which are listed in ``done``."""
+
+    def work(*_):
+        for number in range(5):
+            clock.now += 0.008
+            done.append(number)
+            yield
+        return []
+
+    return work
+
+
 @pytest.mark.parametrize("looks, steps", [(0.0, 2), (0.009, 1), (0.025, 0)])  # seconds of looking up
 def test_a_redraw_ends_before_a_step_would_take_it_beyond_its_bite(live, made, monkeypatch, looks, steps):
     viewport, clock, surface = made
@@ -45,15 +58,8 @@ def test_a_redraw_ends_before_a_step_would_take_it_beyond_its_bite(live, made, m
         clock.now += looks
         return drawn(*arguments)
 
-    def work(*_):
-        for number in range(5):
-            clock.now += 0.008
-            done.append(number)
-            yield
-        return []
-
     monkeypatch.setattr(surface, "ends", look)
-    monkeypatch.setattr(live.viewport, "picture_steps", work)
+    monkeypatch.setattr(live.viewport, "picture_steps", five_steps(clock, done))
     surface.depth = 5.0
     viewport.redraw(request_of(live), 1, surface)
     assert len(done) == steps and viewport.is_busy
@@ -68,16 +74,9 @@ def test_a_redraw_during_playback_works_for_half_of_the_time_between_frames(
     viewport, clock, surface = made
     done = []
 
-    def work(*_):
-        for number in range(5):
-            clock.now += 0.008
-            done.append(number)
-            yield
-        return []
-
     viewport.redraw(request_of(live), 1, surface, most)
     finish(viewport, clock)
-    monkeypatch.setattr(live.viewport, "picture_steps", work)
+    monkeypatch.setattr(live.viewport, "picture_steps", five_steps(clock, done))
     clock.now = viewport._changed + interval
     viewport.redraw(request_of(live, 31.0), 1, surface, most)
     assert len(done) == steps and (viewport.counts["drafts"] == 2) == (steps == 5)
