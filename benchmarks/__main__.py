@@ -13,6 +13,7 @@ from . import (
     engine,
     history,
     labels,
+    lamp_moves,
     large_picture,
     light,
     paper,
@@ -35,7 +36,7 @@ BENCHMARKS = {
     "effects": effects.main, "presets": presets.main, "plans": plans.main,
     "reading": reading.main, "beyond-memory": beyond_memory.main, "labels": labels.main,
     "large-picture": large_picture.main, "light": light.main, "ripple": ripple.main, "history": history.main,
-    "walls": walls.main,
+    "walls": walls.main, "lamp-moves": lamp_moves.main,
 }  # fmt: skip
 
 

@@ -54,6 +54,12 @@ NUCLEI = TransferFunction(
     Shade(0.15, 0.75, 0.25, 25.0),
 )  # fmt: skip
 
+# The color of CT Bone, from half of what the plastic of the phantom has, about 750 HU, in air.
+PLASTIC = TransferFunction(
+    "plastic", "HU", ((-300.0, 0.0), (0.0, 0.9)), ((-300.0, 0.83, 0.74, 0.58), (700.0, 0.85, 0.77, 0.62)), None,
+    Shade(0.12, 0.84, 0.12, 24.0),
+)  # fmt: skip
+
 
 @dataclass(frozen=True)
 class Subject:
@@ -75,7 +81,7 @@ CT_HEAD = "cthead_256x256x113_uint16be.raw.gz"
 CHEST = "dicom_ct_chest_cta_512x512x95"
 SUBJECTS = {
     "CT head": Subject(CT_HEAD, "ct-skin", (215, 10), 0.95, *HEAD, True),
-    "skull phantom": Subject("dicom_ct_skull_phantom_512x512x140", "ct-bone", (35, 15), 0.95, *ALONE),
+    "skull phantom": Subject("dicom_ct_skull_phantom_512x512x140", PLASTIC, (35, 15), 0.95, *ALONE),
     "chest angiography": Subject(CHEST, "ct-angiography", (20, 20), 1.0, *ALONE),
     "MR brain": Subject("mrbrain_256x256x99_uint8.raw.gz", "mr-brain", (160, 35), 0.95, *HEAD),
     "nuclei": Subject("fluorescence/nuclei_256x256x60_uint16.tif", NUCLEI, (20, 55), 1.0),
