@@ -28,7 +28,7 @@ void main()
   if (color.a < 0.5) {
     discard;
   }
-  shown = vec4(color.rgb, 1.0);
+  shown = vec4(color.rgb / color.a, 1.0);  // premultiplied: else edges beside transparent black were darkened
 }
 """
 NEARER = 2e-5  # of the depth range: over the mesh of the slice itself, whose depth is rounded in another way

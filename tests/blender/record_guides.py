@@ -5,7 +5,7 @@
 writes how-to-*.jpg and organs-*.jpg into build/window-shots/record_guides.  In tests/blender/data are: ``scan``, the
 DICOM series of the gallery's skull; ``cta_aorta_labels``, the dissected aorta with its segments; and
 ``cthead_256x256x113_uint16be.raw.gz``.
-how-to-preferences.jpg and how-to-report.jpg are parts of preferences.png and effects_listed.png of window_panels.py.
+how-to-preferences.jpg is a part of preferences.png of window_panels.py.
 """
 
 import os
@@ -37,6 +37,7 @@ from tests.blender.window_driver import (
 
 DATA = Path(__file__).parent / "data"
 HEAD, ORGANS, QUALITY = "560x560+190+170", "540x610+160+140", "70"
+BEATING, PANEL, REPORT = "280x330+380+230", "260x330+990+80", "760x640+500+60"
 RAW, AORTA = "cthead_256x256x113_uint16be.raw.gz", "cta_aorta_labels"
 SCANS = Path("/scans")  # of the small system: a path that a reader could have
 PANELS = ("transfer", "slices", "shading")  # that are open
@@ -262,7 +263,7 @@ def tutorial_of_organs():
     yield from settled()
     yield from keep("organs-3-slice")
     open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_labels", "RLE_SPLAT_PT_slices")
-    lamp("SUN", "Sun", 3.0, (-0.3, -0.45, 0.4), angle=radians(3.0))
+    lamp("SUN", "Sun", 3.0, (0.0, -0.5, 0.3), angle=radians(3.0))
     lamp("AREA", "Rim", 8.0, (0.4, 0.4, 0.3), size=0.25, color=(0.62, 0.78, 1.0), use_shadow=False)
     ours.lighting, scene.rle_splat.ambient_occlusion, scene.rle_splat.quality = "SCENE", 0.7, "fine"
     camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
@@ -306,26 +307,64 @@ def tutorial_of_organs():
     passed("tutorial of organs")
 
 
+def ventricle(phase: float, side: int = 96) -> np.ndarray:
+    """A bowl as a left ventricle is one, uint8: relaxed at phase 0, contracted and with a thicker wall at 1."""
+    z, y, x = np.meshgrid(*3 * (np.linspace(-1.0, 1.0, side),), indexing="ij")
+    outer = np.sqrt((x**2 + y**2) / (0.62 - 0.06 * phase) ** 2 + ((z - 0.35) / (1.15 - 0.15 * phase)) ** 2)
+    inner = np.sqrt((x**2 + y**2) / (0.47 - 0.22 * phase) ** 2 + ((z - 0.35) / (1.0 - 0.25 * phase)) ** 2)
+    wall = np.minimum(np.minimum(1.0 - outer, inner - 1.0) * 0.5, 0.45 - 0.1 * phase - z)
+    return np.rint(250.0 / (1.0 + np.exp(-60.0 * wall))).astype(np.uint8)
+
+
 def in_time():
-    """A ring that opens: numbers made here, as no scan of the data has times."""
+    """A computed ventricle that contracts, as no scan of the data has times, and the panel Time."""
     folder = Path(tempfile.mkdtemp(prefix="rle_splat_time_"))
-    z, y, x = np.meshgrid(*3 * (np.linspace(-1.0, 1.0, 64),), indexing="ij")
     for number in range(1, 13):
-        ring = np.exp(-((np.hypot(np.hypot(x, y) - 0.06 * number, z + 0.02 * number) / 0.14) ** 2))
-        (folder / f"ring_64x64x64_uint8_{number:04}.raw").write_bytes(np.rint(250.0 * ring).astype(np.uint8).tobytes())
-    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_playback")
+        voxels = ventricle(0.5 - 0.5 * np.cos(np.pi * (number - 1) / 6.0))
+        (folder / f"heart_96x96x96_uint8_{number:04}.raw").write_bytes(voxels.tobytes())
+    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_scan", "RLE_SPLAT_PT_playback")
     yield from begin()
     with in_the_view():
         assert bpy.ops.rle_splat.import_volume(
-            filepath=str(folder / "ring_64x64x64_uint8_0001.raw"), shape=(64, 64, 64), dtype="uint8", use_sequence=True
+            filepath=str(folder / "heart_96x96x96_uint8_0001.raw"), shape=(96, 96, 96), dtype="uint8", use_sequence=True
         ) == {"FINISHED"}  # fmt: skip
-    look_from(60.0, -30.0, 0.7)
-    for number in (2, 6, 10):
+        assert bpy.ops.rle_splat.apply_preset(preset="ct-heart") == {"FINISHED"}
+    volume = bpy.context.view_layer.objects.active
+    volume.rle_splat.playback = "LOOP"
+    volume.select_set(False)
+    overlay = area_of("VIEW_3D").spaces.active.overlay
+    overlay.show_floor = overlay.show_axis_x = overlay.show_axis_y = overlay.show_cursor = False
+    overlay.show_relationship_lines = False
+    look_from(48.0, -30.0, 0.6)
+    for number in (1, 4, 7):
         bpy.context.scene.frame_set(number)
         yield from settled()
-        yield from keep(f"time-{number}", HEAD)
-    beside("how-to-time", "time-2", "time-6", "time-10")
+        yield from keep(f"time-{number}", BEATING)
+    yield from keep("time-whole")
+    yield from keep("time-panel", PANEL)
+    beside("how-to-time", "time-1", "time-4", "time-7", "time-panel")
     passed("time")
+
+
+def reported():
+    """The panels Effects and Last Report beside the view, of a skull under a lamp with shadows."""
+    open_panels(*(f"RLE_SPLAT_PT_{name}" for name in ("advanced", "diagnostics", "effects", "report")))
+    volume = yield from skull()
+    lamp("SUN", "Sun", 3.0, (-0.3, -0.45, 0.4), angle=radians(3.0))
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    scene, view = bpy.context.scene, area_of("VIEW_3D").spaces.active
+    scene.collection.objects.link(camera)
+    scene.camera, camera.matrix_world = camera, view.region_3d.view_matrix.inverted()
+    camera.data.clip_start = 0.01
+    volume.rle_splat.lighting, scene.rle_splat.ambient_occlusion = "SCENE", 0.5
+    view.overlay.show_extras = False
+    activate(volume)
+    with in_the_view():
+        assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
+    yield from settled()
+    yield from keep("report-whole")
+    yield from keep("how-to-report", REPORT)
+    passed("report")
 
 
 def scenario():
@@ -335,5 +374,7 @@ def scenario():
         yield from part()
 
 
-PARTS = (set_up_slices, window_and_curve, table_and_surface, raw_file, pinned, tutorial_of_organs, in_time)
+PARTS = (
+    set_up_slices, window_and_curve, table_and_surface, raw_file, pinned, tutorial_of_organs, in_time, reported,
+)  # fmt: skip
 drive(scenario)
