@@ -105,6 +105,13 @@ def skull(before: str = ""):
     return volume
 
 
+def box_middle(volume) -> Vector:
+    """The middle of a volume's box, in the world."""
+    box = volume.instance_collection.objects[0]
+    corners = [volume.matrix_world @ box.matrix_world @ corner.co for corner in box.data.vertices]
+    return sum(corners, Vector()) / len(corners)
+
+
 def activate(volume) -> None:
     bpy.context.view_layer.objects.active = volume
 
@@ -314,6 +321,86 @@ def ventricle(phase: float, side: int = 96) -> np.ndarray:
     inner = np.sqrt((x**2 + y**2) / (0.47 - 0.22 * phase) ** 2 + ((z - 0.35) / (1.0 - 0.25 * phase)) ** 2)
     wall = np.minimum(np.minimum(1.0 - outer, inner - 1.0) * 0.5, 0.45 - 0.1 * phase - z)
     return np.rint(250.0 / (1.0 + np.exp(-60.0 * wall))).astype(np.uint8)
+
+
+def keys(text: str, at, **held):
+    """Press keys one after the other, as a person types them over the viewport."""
+    for letter in text:
+        name = {" ": "SPACE"}.get(letter, letter.upper())
+        for value in ("PRESS", "RELEASE"):
+            typed = {"unicode": letter} if value == "PRESS" and not held else {}
+            window().event_simulate(type=name, value=value, x=int(at[0]), y=int(at[1]), **held, **typed)
+        yield
+
+
+def move(letters: str, begin, end):
+    """Transform the selected object by keys such as GZZ and the mouse, from one pixel to another."""
+    simulate("MOUSEMOVE", "NOTHING", begin)
+    yield
+    yield from keys(letters, begin)
+    for part in (0.5, 1.0):
+        simulate("MOUSEMOVE", "NOTHING", [a + part * (b - a) for a, b in zip(begin, end, strict=True)])
+        yield
+    yield from press("LEFTMOUSE", end)
+    yield
+
+
+def named():
+    """A name with its line, by the steps of the guide and, from the text on, by simulated keys and mouse."""
+    volume = yield from skull()
+    scene, view = bpy.context.scene, area_of("VIEW_3D").spaces.active
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    camera.data.clip_start, camera.data.sensor_width = 0.01, 72.0  # that of a viewport
+    scene.collection.objects.link(camera)
+    scene.camera, camera.matrix_world = camera, view.region_3d.view_matrix.inverted()
+    scene.render.resolution_x, scene.render.resolution_y = 800, 600
+    yield from press("NUMPAD_0", middle())
+    yield
+    assert view.region_3d.view_perspective == "CAMERA"
+    with in_the_view():
+        bpy.ops.view3d.view_center_camera()
+        assert bpy.ops.rle_splat.add_letters() == {"FINISHED"}
+        bpy.ops.object.text_add(radius=0.01, align="VIEW", location=box_middle(volume))
+    text = bpy.context.view_layer.objects.active
+    for key, held in (("TAB", {}), ("a", {"ctrl": True})):
+        yield from press("TAB", middle()) if key == "TAB" else keys(key, middle(), **held)
+    yield from keys("Orbit", middle())
+    yield from press("TAB", middle())
+    assert (text.mode, text.data.body) == ("OBJECT", "Orbit"), (text.mode, text.data.body)
+    yield from move("g", middle(), middle(150.0, -150.0))
+    before = text.matrix_world.copy()
+    yield from move("gzz", middle(), middle(0.0, 150.0))
+    nearer = (camera.matrix_world.inverted() @ (text.matrix_world.translation - before.translation).to_4d()).xyz
+    print("names: G Z Z moved along the view by", tuple(round(part, 4) for part in nearer))
+    with in_the_view():
+        bpy.ops.curve.primitive_nurbs_path_add(radius=0.02, align="VIEW", location=box_middle(volume))
+    line = bpy.context.view_layer.objects.active
+    line.data.bevel_depth = 0.0005
+    for letters, end in (
+        ("gzz", middle(0.0, 150.0)),
+        ("sxx", middle(60.0)),
+        ("r", middle(150.0, 60.0)),
+        ("g", middle(60.0, -90.0)),
+    ):
+        start = middle(150.0) if letters in ("r", "sxx") else middle()
+        before = line.matrix_world.copy()
+        yield from move(letters, start, end)
+        print("names:", letters, "changed the line:", before != line.matrix_world)
+    for one in (text, line):
+        one.data.materials.append(bpy.data.materials["Letters"])
+        one.visible_shadow = False
+    places = [one.matrix_world.copy() for one in (text, line)]
+    for one in scene.objects:
+        one.select_set(one in (text, line, camera))
+    activate(camera)
+    yield from keys("p", middle(), ctrl=True)
+    yield from keep("names-menu")
+    yield from press("RET", middle())
+    yield
+    print("names: parents", text.parent, line.parent, places == [one.matrix_world for one in (text, line)])
+    yield from settled()
+    yield from keep("how-to-names")
+    passed("names")
 
 
 def in_time():
