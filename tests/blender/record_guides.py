@@ -20,7 +20,7 @@ import numpy as np
 from mathutils import Euler, Matrix, Vector
 
 from tests.blender.real_blender import MODULE
-from tests.blender.user_steps import middle, press, settled, simulate
+from tests.blender.user_steps import middle, press, scroll_sidebar, settled, simulate
 from tests.blender.window_driver import (
     SHOTS,
     area_of,
@@ -37,9 +37,11 @@ from tests.blender.window_driver import (
 
 DATA = Path(__file__).parent / "data"
 HEAD, ORGANS, QUALITY = "560x560+190+170", "540x610+160+140", "70"
-BEATING, PANEL, REPORT = "280x330+380+230", "260x330+990+80", "760x640+500+60"
+BEATING, PANEL, REPORT = "280x330+380+230", "260x330+990+448", "910x695+345+82"
 RAW, AORTA = "cthead_256x256x113_uint16be.raw.gz", "cta_aorta_labels"
 SCANS = Path("/scans")  # of the small system: a path that a reader could have
+NEARER = "0.15"  # m that a name is brought nearer to the camera, as it is typed
+KEYS = {".": "PERIOD", "0": "ZERO", "1": "ONE", "5": "FIVE"}  # of Blender, for what is typed
 PANELS = ("transfer", "slices", "shading")  # that are open
 # Of the tutorial on organs: the slice's place in mm and its level and window in HU; of each name the place that it is
 # for, in meters from the middle of the scan, how far it stands to the right of it as seen, and its alignment.
@@ -103,13 +105,6 @@ def skull(before: str = ""):
         assert bpy.ops.rle_splat.remove_table() == {"FINISHED"}
     yield from settled()
     return volume
-
-
-def box_middle(volume) -> Vector:
-    """The middle of a volume's box, in the world."""
-    box = volume.instance_collection.objects[0]
-    corners = [volume.matrix_world @ box.matrix_world @ corner.co for corner in box.data.vertices]
-    return sum(corners, Vector()) / len(corners)
 
 
 def activate(volume) -> None:
@@ -270,7 +265,7 @@ def tutorial_of_organs():
     yield from settled()
     yield from keep("organs-3-slice")
     open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_labels", "RLE_SPLAT_PT_slices")
-    lamp("SUN", "Sun", 3.0, (0.0, -0.5, 0.3), angle=radians(3.0))
+    lamp("SUN", "Sun", 3.0, (0.2, -0.5, 0.15), angle=radians(3.0))
     lamp("AREA", "Rim", 8.0, (0.4, 0.4, 0.3), size=0.25, color=(0.62, 0.78, 1.0), use_shadow=False)
     ours.lighting, scene.rle_splat.ambient_occlusion, scene.rle_splat.quality = "SCENE", 0.7, "fine"
     camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
@@ -326,15 +321,16 @@ def ventricle(phase: float, side: int = 96) -> np.ndarray:
 def keys(text: str, at, **held):
     """Press keys one after the other, as a person types them over the viewport."""
     for letter in text:
-        name = {" ": "SPACE"}.get(letter, letter.upper())
+        name = KEYS.get(letter, letter.upper())
         for value in ("PRESS", "RELEASE"):
             typed = {"unicode": letter} if value == "PRESS" and not held else {}
             window().event_simulate(type=name, value=value, x=int(at[0]), y=int(at[1]), **held, **typed)
         yield
 
 
-def move(letters: str, begin, end):
-    """Transform the selected object by keys such as GZZ and the mouse, from one pixel to another."""
+def transform(letters: str, begin, end):
+    """Transform the selected object by keys such as SXX and the mouse, from one pixel to another."""
+    before = bpy.context.view_layer.objects.active.matrix_world.copy()
     simulate("MOUSEMOVE", "NOTHING", begin)
     yield
     yield from keys(letters, begin)
@@ -343,10 +339,22 @@ def move(letters: str, begin, end):
         yield
     yield from press("LEFTMOUSE", end)
     yield
+    assert bpy.context.view_layer.objects.active.matrix_world != before, letters
+
+
+def nearer(camera):
+    """Move the selected object along the view, toward the camera, by GZZ and a number."""
+    one = bpy.context.view_layer.objects.active
+    depth = (camera.matrix_world.inverted() @ one.matrix_world.translation).z
+    yield from keys(f"gzz{NEARER}", middle())
+    yield from press("RET", middle())
+    yield
+    moved = (camera.matrix_world.inverted() @ one.matrix_world.translation).z - depth
+    assert abs(moved - float(NEARER)) < 1e-4, moved
 
 
 def named():
-    """A name with its line, by the steps of the guide and, from the text on, by simulated keys and mouse."""
+    """A name with its line, by the steps of the guide: from the text on by simulated keys and mouse."""
     volume = yield from skull()
     scene, view = bpy.context.scene, area_of("VIEW_3D").spaces.active
     camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
@@ -357,35 +365,28 @@ def named():
     yield from press("NUMPAD_0", middle())
     yield
     assert view.region_3d.view_perspective == "CAMERA"
+    box = volume.instance_collection.objects[0]
+    at = sum((volume.matrix_world @ box.matrix_world @ corner.co for corner in box.data.vertices), Vector()) / 8
     with in_the_view():
         bpy.ops.view3d.view_center_camera()
         assert bpy.ops.rle_splat.add_letters() == {"FINISHED"}
-        bpy.ops.object.text_add(radius=0.01, align="VIEW", location=box_middle(volume))
+        bpy.ops.object.text_add(radius=0.01, align="VIEW", location=at)
     text = bpy.context.view_layer.objects.active
-    for key, held in (("TAB", {}), ("a", {"ctrl": True})):
-        yield from press("TAB", middle()) if key == "TAB" else keys(key, middle(), **held)
+    yield from press("TAB", middle())
+    yield from keys("a", middle(), ctrl=True)
     yield from keys("Orbit", middle())
     yield from press("TAB", middle())
     assert (text.mode, text.data.body) == ("OBJECT", "Orbit"), (text.mode, text.data.body)
-    yield from move("g", middle(), middle(150.0, -150.0))
-    before = text.matrix_world.copy()
-    yield from move("gzz", middle(), middle(0.0, 150.0))
-    nearer = (camera.matrix_world.inverted() @ (text.matrix_world.translation - before.translation).to_4d()).xyz
-    print("names: G Z Z moved along the view by", tuple(round(part, 4) for part in nearer))
+    yield from transform("g", middle(), middle(170.0, -130.0))
+    yield from nearer(camera)
     with in_the_view():
-        bpy.ops.curve.primitive_nurbs_path_add(radius=0.02, align="VIEW", location=box_middle(volume))
+        bpy.ops.curve.primitive_nurbs_path_add(radius=0.02, align="VIEW", location=at)
     line = bpy.context.view_layer.objects.active
     line.data.bevel_depth = 0.0005
-    for letters, end in (
-        ("gzz", middle(0.0, 150.0)),
-        ("sxx", middle(60.0)),
-        ("r", middle(150.0, 60.0)),
-        ("g", middle(60.0, -90.0)),
-    ):
-        start = middle(150.0) if letters in ("r", "sxx") else middle()
-        before = line.matrix_world.copy()
-        yield from move(letters, start, end)
-        print("names:", letters, "changed the line:", before != line.matrix_world)
+    yield from nearer(camera)
+    yield from transform("sxx", middle(300.0), middle(400.0))
+    yield from transform("r", middle(300.0), middle(300.0, 20.0))
+    yield from transform("g", middle(), middle(70.0, -140.0))
     for one in (text, line):
         one.data.materials.append(bpy.data.materials["Letters"])
         one.visible_shadow = False
@@ -394,10 +395,20 @@ def named():
         one.select_set(one in (text, line, camera))
     activate(camera)
     yield from keys("p", middle(), ctrl=True)
-    yield from keep("names-menu")
-    yield from press("RET", middle())
     yield
-    print("names: parents", text.parent, line.parent, places == [one.matrix_world for one in (text, line)])
+    yield from press("DOWN_ARROW", middle())
+    yield from press("RET", middle())  # Object (Keep Transform)
+    yield
+    assert text.parent == line.parent == camera
+    for one, place in zip((text, line), places, strict=True):
+        np.testing.assert_allclose(one.matrix_world, place, atol=1e-6)
+        one.select_set(False)
+    camera.select_set(False)
+    activate(volume)
+    view.shading.type, view.overlay.show_extras = "MATERIAL", False
+    view.overlay.show_floor = view.overlay.show_axis_x = view.overlay.show_axis_y = False
+    yield from settled()
+    yield from keep("names-first")  # the shaders of the materials are made
     yield from settled()
     yield from keep("how-to-names")
     passed("names")
@@ -417,7 +428,7 @@ def in_time():
         ) == {"FINISHED"}  # fmt: skip
         assert bpy.ops.rle_splat.apply_preset(preset="ct-heart") == {"FINISHED"}
     volume = bpy.context.view_layer.objects.active
-    volume.rle_splat.playback = "LOOP"
+    volume.rle_splat.playback, bpy.context.scene.rle_splat.quality = "LOOP", "fine"
     volume.select_set(False)
     overlay = area_of("VIEW_3D").spaces.active.overlay
     overlay.show_floor = overlay.show_axis_x = overlay.show_axis_y = overlay.show_cursor = False
@@ -427,7 +438,7 @@ def in_time():
         bpy.context.scene.frame_set(number)
         yield from settled()
         yield from keep(f"time-{number}", BEATING)
-    yield from keep("time-whole")
+    yield from scroll_sidebar(30)
     yield from keep("time-panel", PANEL)
     beside("how-to-time", "time-1", "time-4", "time-7", "time-panel")
     passed("time")
@@ -443,13 +454,15 @@ def reported():
     scene.collection.objects.link(camera)
     scene.camera, camera.matrix_world = camera, view.region_3d.view_matrix.inverted()
     camera.data.clip_start = 0.01
-    volume.rle_splat.lighting, scene.rle_splat.ambient_occlusion = "SCENE", 0.5
+    volume.rle_splat.lighting, scene.rle_splat.ambient_occlusion, scene.rle_splat.quality = "SCENE", 0.5, "fine"
+    with in_the_view():  # thin walls are whole and opaque
+        assert bpy.ops.rle_splat.change_segment(tool="GROW", length=2.0) == {"FINISHED"}
+    volume.rle_splat.shift_by, volume.rle_splat.opacity_unit_distance = -100.0, 0.05
     view.overlay.show_extras = False
     activate(volume)
     with in_the_view():
         assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
-    yield from settled()
-    yield from keep("report-whole")
+    yield from scroll_sidebar(60)
     yield from keep("how-to-report", REPORT)
     passed("report")
 
@@ -462,6 +475,6 @@ def scenario():
 
 
 PARTS = (
-    set_up_slices, window_and_curve, table_and_surface, raw_file, pinned, tutorial_of_organs, in_time, reported,
+    set_up_slices, window_and_curve, table_and_surface, raw_file, pinned, tutorial_of_organs, in_time, reported, named,
 )  # fmt: skip
 drive(scenario)
