@@ -377,16 +377,16 @@ def named():
     yield from keys("Orbit", middle())
     yield from press("TAB", middle())
     assert (text.mode, text.data.body) == ("OBJECT", "Orbit"), (text.mode, text.data.body)
-    yield from transform("g", middle(), middle(170.0, -130.0))
+    yield from transform("g", middle(), middle(138.0, -85.0))
     yield from nearer(camera)
     with in_the_view():
         bpy.ops.curve.primitive_nurbs_path_add(radius=0.02, align="VIEW", location=at)
     line = bpy.context.view_layer.objects.active
     line.data.bevel_depth = 0.0005
     yield from nearer(camera)
-    yield from transform("sxx", middle(300.0), middle(400.0))
-    yield from transform("r", middle(300.0), middle(300.0, 20.0))
-    yield from transform("g", middle(), middle(70.0, -140.0))
+    yield from transform("sxx", middle(300.0), middle(145.0))
+    yield from transform("r", middle(300.0), middle(300.0, -15.0))
+    yield from transform("g", middle(), middle(167.0, -167.0))
     for one in (text, line):
         one.data.materials.append(bpy.data.materials["Letters"])
         one.visible_shadow = False
@@ -429,6 +429,7 @@ def in_time():
         assert bpy.ops.rle_splat.apply_preset(preset="ct-heart") == {"FINISHED"}
     volume = bpy.context.view_layer.objects.active
     volume.rle_splat.playback, bpy.context.scene.rle_splat.quality = "LOOP", "fine"
+    volume.rle_splat.smoothness = 3.0
     volume.select_set(False)
     overlay = area_of("VIEW_3D").spaces.active.overlay
     overlay.show_floor = overlay.show_axis_x = overlay.show_axis_y = overlay.show_cursor = False
@@ -445,20 +446,25 @@ def in_time():
 
 
 def reported():
-    """The panels Effects and Last Report beside the view, of a skull under a lamp with shadows."""
+    """The panels Effects and Last Report beside the view, of a heart without segments, under a sun with shadows."""
     open_panels(*(f"RLE_SPLAT_PT_{name}" for name in ("advanced", "diagnostics", "effects", "report")))
-    volume = yield from skull()
+    yield from begin()
+    with in_the_view():
+        assert bpy.ops.rle_splat.import_volume(
+            filepath=str(DATA / AORTA / "cta_heart_aorta_120x126x164_int16.nii.gz"), preset="ct-angiography"
+        ) == {"FINISHED"}  # fmt: skip
+    volume = bpy.context.view_layer.objects.active
+    volume.select_set(False)
+    look_from(76.0, 20.0, 0.55)
+    scene, view = bpy.context.scene, area_of("VIEW_3D").spaces.active
     lamp("SUN", "Sun", 3.0, (-0.3, -0.45, 0.4), angle=radians(3.0))
     camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
-    scene, view = bpy.context.scene, area_of("VIEW_3D").spaces.active
     scene.collection.objects.link(camera)
-    scene.camera, camera.matrix_world = camera, view.region_3d.view_matrix.inverted()
     camera.data.clip_start = 0.01
-    volume.rle_splat.lighting, scene.rle_splat.ambient_occlusion, scene.rle_splat.quality = "SCENE", 0.5, "fine"
-    with in_the_view():  # thin walls are whole and opaque
-        assert bpy.ops.rle_splat.change_segment(tool="GROW", length=2.0) == {"FINISHED"}
-    volume.rle_splat.shift_by, volume.rle_splat.opacity_unit_distance = -100.0, 0.05
-    view.overlay.show_extras = False
+    volume.rle_splat.lighting, scene.rle_splat.quality = "SCENE", "fine"
+    view.overlay.show_extras = view.overlay.show_relationship_lines = False
+    yield from settled()
+    scene.camera, camera.matrix_world = camera, view.region_3d.view_matrix.inverted()
     activate(volume)
     with in_the_view():
         assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
