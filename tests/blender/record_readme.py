@@ -48,7 +48,7 @@ STEPS, COLUMN, DOWN = 14, 82, 12  # of a drag; pixels between buttons of presets
 TOWARD = (-1.5, -1.55, 0.66)  # where the camera is, from the middle of the scan, in sizes of it
 NEARER = 0.5  # than Frame, which shows the whole box
 OPAQUE, SHIFT, GROW, SMOOTH = 0.05, -100.0, 2.0, 2.0  # mm, HU, mm, mm: thin walls are whole and opaque
-SHORTER, AHEAD = 0.76, -0.013  # of the slice, toward the front in meters: the head holder is beyond it
+SHORTER, AHEAD = 0.8, -0.013  # of the slice, toward the front in meters: the head holder is beyond it
 COLUMNS = 45, 105, 190  # of buttons, pixels from the sidebar's right edge
 LEVEL, WINDOW, BEFORE = 575.0, 850.0, 0.001  # HU, of the slice, and how far it lies before the cut, in meters
 OPEN, LIVE = "560x490+100+160", "500x460+130+175"  # of a frame
@@ -75,8 +75,8 @@ def frame(times: int = 1, caption: str = "", name: str = ""):
     shown.append((times, caption or shown[-1][1], tuple(mouse)))
 
 
-def drag(button: str, begin, end, caption: str = "", draft: str = ""):
-    """Drag from one pixel of the window to another, a frame for each step; ``draft``: a photograph of the last."""
+def drag(button: str, begin, end, caption: str = "", draft: bool = False):
+    """Drag from one pixel of the window to another, a frame for each step; ``draft``: photographs on the way."""
     begin, end = np.array(begin, float), np.array(end, float)
     for at in (begin - 1, begin):
         point("MOUSEMOVE", "NOTHING", at)
@@ -87,9 +87,11 @@ def drag(button: str, begin, end, caption: str = "", draft: str = ""):
     for step in range(1, STEPS + 1):
         point("MOUSEMOVE", "NOTHING", begin + (end - begin) * step / STEPS)
         yield
-        if draft and step == STEPS:
-            yield from photograph(draft)
+        if draft and step == STEPS // 2:
+            yield from photograph("draft")
         yield from settled()
+        if draft and step == STEPS // 2:
+            yield from photograph("refined")
         yield from frame(2)
     point(button, "RELEASE", end)
     yield
@@ -221,8 +223,8 @@ def scenario():
     ours.shift_by, ours.opacity_unit_distance, ours.smoothness = SHIFT, OPAQUE, SMOOTH
     yield from settled()
     yield from frame(HOLD, "Shift -100 HU: thin bone is whole")
-    yield from drag("MIDDLEMOUSE", middle(-50.0), middle(120.0), "Turn the view", "draft")
-    yield from frame(HOLD // 2, name="refined")
+    yield from drag("MIDDLEMOUSE", middle(-50.0), middle(120.0), "Turn the view", True)
+    yield from frame(HOLD // 2)
     yield from frame(1, name="whole")
     yield from cut(volume)
     studio(volume)
