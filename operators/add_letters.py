@@ -10,7 +10,6 @@ from ..bridge.volumes import attached, box, volumes
 from .refusal import refuse
 from .through_camera import has_volume_and_camera
 
-MARK = "rle_splat_letters"  # custom property: the name of the volume that an object is for
 SIZE, LONGEST, MARGIN = 0.045, 0.25, 0.04  # of a letter, of the bar and of the space beside it, shares of the picture
 ALONG = 0.9  # cosine with the view above which letters lie in front of the volume and behind it
 
@@ -31,12 +30,12 @@ class RLE_SPLAT_OT_add_letters(bpy.types.Operator):
         depths = [-(frame.inverted() @ Vector(corner)).z for corner in corners]
         if not depths or min(depths) + max(depths) <= 0.0:
             return refuse(self, "The camera does not see the volume; turn it to the volume.")
-        for one in [one for one in scene.objects if one.get(MARK) == owner.name]:
+        for one in [one for one in scene.objects if one.get(letters.MARK) == owner.name]:
             bpy.data.objects.remove(one)
         material = _emission()
         for name, data, parent, matrix in (*_letters(owner, scene, frame), *_bar(owner, scene, frame, depths)):
             one = bpy.data.objects.new(name, data)
-            one[MARK] = owner.name
+            one[letters.MARK] = owner.name
             data.materials.append(material)
             linked.put_into_scene(context, one)
             for ray in slices.LAMPS:

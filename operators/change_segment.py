@@ -22,7 +22,7 @@ OF_MASK = {"FILL": fill_steps, "LARGEST": keep_largest_steps}
 
 
 class RLE_SPLAT_OT_change_segment(MakesSegments, bpy.types.Operator):
-    """Change the chosen segment"""
+    """Grow, shrink, smooth, fill or invert the chosen segment, or keep its largest part alone"""
 
     bl_idname = "rle_splat.change_segment"
     bl_label = "Change Segment"

@@ -21,7 +21,8 @@ from .refusal import has_editable_values, has_editable_volume, needs, refuses
 
 
 class RLE_SPLAT_OT_add_channels(LoadsFirst, bpy.types.Operator):
-    """Add the other selected volumes to the picture of the active one, each with its own transfer function"""
+    """Show the other selected volumes together with the active one, such as a PET on its CT, each with its own
+    transfer function"""
 
     bl_idname = "rle_splat.add_channels"
     bl_label = "Add Selected Volumes"

@@ -25,8 +25,8 @@ OPACITY, VALUE = "OPACITY", "VALUE"
 
 
 class RLE_SPLAT_OT_extract_surface(StepwiseOperator, bpy.types.Operator):
-    """Add a mesh of the surface of what is opaque in the volume, in the volume's colors. Cutting objects cut it, and
-    hidden segments are left out"""
+    """Add a mesh of the volume's surface, where its opacity or its value passes a limit, in its colors. Cutting
+    objects cut it, and hidden segments are left out"""
 
     bl_idname = "rle_splat.extract_surface"
     bl_label = "Extract Surface"

@@ -107,13 +107,14 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
         name="Show in View", description="Move the view so that all of the volume is seen, and open the sidebar at "
         "its tab. Views through a camera stay", default=True)  # fmt: skip
     use_headlight: BoolProperty(
-        name="Headlight if Dark", description="Light the first volume of a scene by a headlight if the scene's lights "
-        "give it less than half of its brightness on any side. The panel Lighting changes it",
+        name="Headlight if Dark", description=("Light the first volume of a scene by a headlight if the "
+            "scene's lights leave a side of it dark. The panel Lighting "
+            "changes it"),
         default=False, options={"SKIP_SAVE"})  # fmt: skip
     use_segments: BoolProperty(
-        name="Load Segmentation", description="Show the segmentation of the scan, if there is one beside it, colored "
-        "by anatomy: a DICOM SEG or RTSTRUCT in its folder or the one above, or a file or folder of masks whose "
-        "name has the word label or segmentation", default=False, options={"SKIP_SAVE"})  # fmt: skip
+        name="Load Segmentation", description="Show the segmentation that lies beside the scan, colored by anatomy: a "
+        "DICOM SEG or RTSTRUCT in its folder or the one above, or a label map or a folder of masks whose name has the "
+        "word seg, label or segmentation", default=False, options={"SKIP_SAVE"})  # fmt: skip
     hide_table: BoolProperty(
         name="Hide Table", description="In a CT, find the body and hide the table or the head holder if the transfer "
         "function shows it. The panel Segments shows it again", default=False, options={"SKIP_SAVE"})  # fmt: skip
@@ -370,7 +371,7 @@ class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelpe
 
 
 class RLE_SPLAT_OT_import_folder(ImportsVolumes, bpy.types.Operator):
-    """Import the DICOM series in a folder and in its folders"""
+    """Import a DICOM series from a folder and its subfolders. If there are several, a dialog asks which one"""
 
     bl_idname = "rle_splat.import_folder"
     bl_label = "Import DICOM Folder"

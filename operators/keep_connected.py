@@ -16,7 +16,7 @@ KEYS = "Click: Keep What Is Under the Mouse   |   Esc, Right Click: Cancel"
 
 
 class RLE_SPLAT_OT_keep_connected(MakesSegments, bpy.types.Operator):
-    """Make a segment of what is connected to a voxel, except hidden segments, and hide all else"""
+    """Make a segment of all that is visible and connected to a voxel, and hide the rest"""
 
     bl_idname = "rle_splat.keep_connected"
     bl_label = "Keep Connected"
@@ -40,7 +40,8 @@ class RLE_SPLAT_OT_keep_connected(MakesSegments, bpy.types.Operator):
 
 
 class RLE_SPLAT_OT_pick_connected(bpy.types.Operator):
-    """Click on a part of the volume in a 3D viewport to keep it and what is connected to it, and to hide all else"""
+    """Click on a part of the volume in a 3D viewport: it and what is connected to it become a segment, and the rest
+    is hidden"""
 
     bl_idname = "rle_splat.pick_connected"
     bl_label = "Keep What Is Under the Mouse"

@@ -14,8 +14,10 @@ class RLE_SPLAT_OT_render_image(ThroughCamera, bpy.types.Operator):
     bl_idname = "rle_splat.render_image"
     bl_label = "Render to Image"
     bl_description = (
-        "For compositing by hand; F12 does not need it. Render the volume alone through the active camera into a color "
-        "image and a depth image, which are saved with the .blend, and open the color image in an image editor"
+        "Render the volume alone, through the active camera, into a "
+        "color image and a depth image, and open the color image. "
+        "They are for compositing by hand and saved with the .blend; "
+        "F12 does not need them"
     )
 
     def prepare(self, context):

@@ -19,8 +19,7 @@ class RLE_SPLAT_OT_set_backdrop(StepwiseOperator, bpy.types.Operator):
     bl_idname = "rle_splat.set_backdrop"
     bl_label = "Preview in Camera View"
     bl_description = (
-        "Quick look at one frame: render the volume into the active camera's view, aligned to the pixel. Renders do "
-        "not include it"
+        "Show a picture of the volume in the active camera's view, aligned to the pixel. Renders do not include it"
     )
 
     place: EnumProperty(

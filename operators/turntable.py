@@ -54,7 +54,9 @@ class RLE_SPLAT_OT_turntable(ExportHelper, bpy.types.Operator):
     bl_options = {"UNDO"}  # without REGISTER: Adjust Last Operation (F9) would render again
 
     filename_ext = EXTENSIONS[MOVIE]
-    filepath: StringProperty(name="File Path", subtype="FILE_PATH", options={"SKIP_SAVE"})
+    filepath: StringProperty(
+        name="File Path", description="The movie, or what the names of the pictures begin with", subtype="FILE_PATH",
+        options={"SKIP_SAVE"})  # fmt: skip
     path: EnumProperty(
         name="Path",
         description="How the camera moves",

@@ -35,8 +35,8 @@ class Playback:
     playback: LiveEnum(name="Playback", description="Which of the volumes in time is shown", items=PLAYBACK_ITEMS)
     frame: LiveInt(name="Time Point", description="Volume to show, from 1; 0 is the first", default=0, min=0)
     frame_offset: LiveInt(
-        name="Offset", description="Added to the frame of the timeline. With 0 and a step of 1, frame 1 shows the "
-        "first volume", default=0)  # fmt: skip
+        name="Offset", description=("Number added to the frame of the timeline. With 0 and a step"
+            " of 1, frame 1 shows the first volume"), default=0)  # fmt: skip
     frame_step: LiveFloat(
         name="Step", description="Volumes per frame of the timeline. 0.5 shows each twice; a negative step plays "
         "backward", default=1.0, precision=3)  # fmt: skip

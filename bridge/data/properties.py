@@ -76,19 +76,19 @@ USUAL = tables.Quality()  # the default values of the knobs
 
 PLAIN_TEXTS = {
     "classification": "Whether values become opacity and color before or after they are interpolated",
-    "depth_rule": "How many layers lie between neighboring slices, and how they are added up along the view",
-    "sheet_density": "Pixels of a layer for each pixel of the picture; 0 for one for each voxel",
+    "depth_rule": "How many layers are computed between neighboring slices, and how they are added up along the view",
+    "sheet_density": "Pixels of a layer per pixel of the picture; 0 is one per voxel",
     "kernel": "Shape in which a voxel is drawn; only Linear where values are interpolated",
     "minification": "What prevents shimmer where voxels are smaller than pixels; only Off where values are "
     "interpolated",
     "warp_filter": "How the finished layers become the pixels of the picture",
     "axis_fade": "Angle in degrees over which the picture changes from one stack of slices to another when the camera "
     "turns, so that it does not jump; in orthographic views only",
-    "termination": "Transmittance below which a pixel counts as opaque, and what is behind is skipped (early ray "
-    "termination)",
-    "rays": "Difference between neighboring pixels (1 is black to white) from which a pixel is ray cast, which is "
-    "slower and exact; 0 for none; only where values are interpolated",
-    "model": "What voxels that overlap add up; only Extinction where values are interpolated",
+    "termination": "Share of light passing below which a pixel counts as opaque, so that what is behind it is skipped "
+    "(early ray termination)",
+    "rays": "Ray cast pixels that differ from a neighbor by at least this much; slower and exact. 1 is from black to "
+    "white, 0 is off. Only where values are interpolated",
+    "model": "What is added up where voxels overlap; only Extinction where values are interpolated",
     "record": "Bytes in memory for each voxel; fewer lose accuracy",
 }
 

@@ -110,14 +110,15 @@ class SourceOptions:
     use_calibration: BoolProperty(
         name="Calibrate", description="Compute values with this slope and intercept instead of the file's",
         default=False)  # fmt: skip
-    slope: FloatProperty(name="Slope", description="Value per stored unit", default=1.0)
-    intercept: FloatProperty(name="Intercept", description="Value of a stored zero", default=0.0)
+    slope: FloatProperty(name="Slope", description="Value = slope * stored number + intercept", default=1.0)
+    intercept: FloatProperty(name="Intercept", description="Value of a stored 0, such as -1024 HU", default=0.0)
     value_unit: StringProperty(name="Value Unit", description="Unit of the values, such as HU; empty if they have none")
     grid: StringProperty(
         name="Grid", description="Name of the grid in a VDB file; name[1] is the second grid of that name. Empty uses "
         "the grid density, or else the first grid of numbers")  # fmt: skip
     series: IntProperty(
-        name="Series", description="Number of the series where a place holds several; 0 uses the only one", default=0,
+        name="Series", description=("Number of the series if the folder holds several; 0 uses the"
+            " only one"), default=0,
         min=0)  # fmt: skip
     use_only_series: BoolProperty(
         name="The Only One", description="Read the only series of the folder, or ask which one if there are several",
@@ -126,11 +127,11 @@ class SourceOptions:
         name="Series Hash", description="Hash of the identifier of the DICOM series, by which it is found again",
         options={"HIDDEN"})  # fmt: skip
     frame: IntProperty(
-        name="Time Point", description="Number of the volume where a file holds several, such as one for each time; 0 "
-        "uses the first", default=0, min=0)  # fmt: skip
+        name="Time Point", description=("Number of the volume, from 1, if the file holds several, "
+            "such as one for each time; 0 uses the first"), default=0, min=0)  # fmt: skip
     level: IntProperty(
-        name="Resolution Level", description="Level of an OME-Zarr pyramid, 0 is the finest; -1 takes the finest "
-        "that fits into memory when it is imported", default=-1, min=-1)  # fmt: skip
+        name="Resolution Level", description=("Level of an OME-Zarr pyramid: 0 is the finest, -1 the finest"
+            " that fits into memory at the import"), default=-1, min=-1)  # fmt: skip
     use_fitting_level: BoolProperty(
         name="The Finest That Fits", description="Read the finest level whose voxels fit into memory",
         **switch("level", -1, 0))  # fmt: skip

@@ -156,9 +156,9 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     value_high: FloatProperty(name="Largest Value", description="Largest physical value of the volume", default=1.0)
 
     label_file: StringProperty(
-        name="Label File", description="Segmentation: a label map, a folder of masks, DICOM SEG or RTSTRUCT, matched "
-        "to the scan by its place in the patient. If a segment has its own transfer function or color, edges inside "
-        "the volume are softer",
+        name="Label File", description=("Segmentation: a label map, a folder of masks, DICOM SEG or "
+            "RTSTRUCT. It is matched to the scan by its place in the "
+            "patient"),
         subtype="FILE_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"}, update=_labels_chosen)  # fmt: skip
     labels: CollectionProperty(type=LabelProperties, name="Segments", description="Appearance of each segment")
     labels_of: StringProperty(
@@ -282,7 +282,7 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         "end of the curve: change of the values per unit of length, such as HU per mm")  # fmt: skip
     gradient_high: LiveFloat(
         name="To", default=100.0, min=0.0, soft_max=1000.0, precision=2,
-        description="Gradient To: the gradient at the right end of the curve")  # fmt: skip
+        description="Gradient at the right end of the curve")  # fmt: skip
     specular: LiveFloat(
         name="Specular", default=0.2, min=0.0, soft_max=1.0, description="Brightness of the white highlights"
     )

@@ -24,6 +24,7 @@ WORDS = {"R": "Right", "L": "Left", "A": "Front", "P": "Back", "I": "Feet", "S":
 SIZE = 15  # points; scaled with Blender's interface
 APART = 0.04  # distance from the face, as a fraction of the box's length along that axis
 FONT = 0  # Blender's own
+MARK = "rle_splat_letters"  # custom property of letters that are objects: the name of the volume that they are for
 
 
 def placed_letters(volume_object) -> list:
@@ -47,6 +48,11 @@ def placed_letters(volume_object) -> list:
         for axis, letters in enumerate(face_letters(own))
         for letter, side in zip(letters, (-0.5 - APART, 0.5 + APART))
     ]
+
+
+def has_objects(volume_object) -> bool:
+    """Whether letters that are objects, and seen, stand at a volume."""
+    return any(one.get(MARK) == volume_object.name and one.visible_get() for one in volume_object.children)
 
 
 def ink_over(context) -> tuple[float, float, float, float]:
@@ -73,6 +79,8 @@ def _draw() -> None:
     channels = placements.as_channels(shown)
     blf.size(FONT, SIZE * context.preferences.system.ui_scale)
     blf.color(FONT, *ink_over(context))
+    if context.region_data.view_perspective == "CAMERA":  # to which the objects turn
+        shown = [owner for owner in shown if not has_objects(owner)]
     for owner in (one for one in shown if one not in channels):
         for text, place, away in _on_screen(placed_letters(owner), context, faced is not None):
             width, height = blf.dimensions(FONT, text)

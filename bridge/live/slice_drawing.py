@@ -25,10 +25,10 @@ FRAGMENT = """
 void main()
 {
   vec4 color = texture(picture, at);
-  if (color.a < 0.5) {
+  if (color.a < 0.1) {  // as Blender's Solid shading, whose pixels would show beside these
     discard;
   }
-  shown = vec4(color.rgb, 1.0);
+  shown = vec4(color.rgb / color.a, 1.0);  // premultiplied
 }
 """
 NEARER = 2e-5  # of the depth range: over the mesh of the slice itself, whose depth is rounded in another way

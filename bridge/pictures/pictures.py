@@ -25,6 +25,7 @@ SUFFIXES = {
     "color": "Splat", "depth": "Splat Depth", "backdrop": "Splat Backdrop", "composite": "Splat Composite",
     "error": "Splat Error", "shadow": "Splat Shadow",
 }  # fmt: skip
+SHORTEST_MS = 0.5  # of a stage that the Last Report panel lists; the JSON has all
 NUMBERS = ("depth", "error", "shadow")  # kinds that hold numbers instead of colors
 
 
@@ -173,10 +174,10 @@ def _error_lines(report: dict) -> list[str]:
     error = report.get("error", {})
     if error.get("truth") not in TRUTH_TEXTS:
         return []
-    against = f"against {TRUTH_TEXTS[error['truth']]}"
     if error["tolerance"] is None:
-        return [f"Error not measured; it would be {against}"]
-    measured = f"Error in steps of an 8-bit picture: {error['sentence']}, {against}"
+        return ["Error not measured: Maximum Error in the panel Advanced measures it"]
+    against = TRUTH_TEXTS[error["truth"]]
+    measured = f"Error in steps of an 8-bit picture: {error['sentence']}, against {against}"
     return [measured, error.get("statement", ""), report["plan"]["name"]]
 
 
@@ -184,7 +185,7 @@ def note_report(settings, report: dict) -> None:
     """Store the report of a picture in the scene's settings, as text and as JSON, with the list of effects."""
     stages = report.get("stages_ms", {})
     lines = [f"{name.replace('_', ' ')}: {value:.0f} ms" for name, value in stages.items()
-             if isinstance(value, (int, float))]  # fmt: skip
+             if isinstance(value, (int, float)) and (value >= SHORTEST_MS or name == "total")]  # fmt: skip
     settings.last_report = "\n".join((
         *report.get("remarks", ()), report.get("plan", {}).get("why", ""), *_error_lines(report),
         *describe_rays(report.get("rays")), *lines

@@ -26,8 +26,8 @@ EQUAL_COSTS = 1.1
 # other scenes, under lamps, err up to 3 times as much.
 EXPECTED_SHARE = 0.4
 OF_999 = "at 999 of 1000 pixels"
-AS_GIVEN, FIRST_FRAMES = "The knobs are as they were given.", "The plan of the first frame is used."
-BY_PRE = "The qualities of classified voxels have one plan for all scenes."
+AS_GIVEN, FIRST_FRAMES = "The settings are as they were given.", "The settings of the first frame are used."
+BY_PRE = "With classified voxels a quality has the same settings for all scenes."
 
 
 def choose_plan(source: Source, cache: StageCache) -> Source:
@@ -48,28 +48,28 @@ def choose_plan(source: Source, cache: StageCache) -> Source:
         why = FIRST_FRAMES if quality.held else BY_PRE if quality.is_preset else AS_GIVEN
         return replace(source, plan={"why": why, "aim": None, "expected": None})
     aim, name = PRESET_AIMS[quality.name], quality.name.capitalize()
-    said = f"{name} aims at an error of at most {aim:g} levels {OF_999}, under lamps too"
+    said = f"{name} aims at an error of at most {aim:g} of 255 gray levels {OF_999}"
     own = tuple(getattr(quality, knob) for knob in PRESET_KNOBS)
     is_known = any(one.knobs == own for one in preset_plans())
-    why_not = _explain_no_choice(source.scene) if is_known else "it has one plan for all scenes"
+    why_not = _explain_no_choice(source.scene) if is_known else "its settings are the same for all scenes"
     if why_not:
         return replace(source, plan={"why": f"{said}; {why_not}.", "aim": aim, "expected": None})
     rough = _measure_roughness(source.scene, cache)
     if rough is None:
-        why = f"{said}; too little of the volume is visible to measure more, so it takes its usual plan."
+        why = f"{said}; too little of the volume is visible to estimate it, so the usual settings are used."
         return replace(source, plan={"why": why, "aim": aim, "expected": None})
     usual, chosen = choose(own, aim, rough, can_trace(source))
     expected = chosen.error(rough)
     if chosen.knobs == own:
-        why = f"{said}; its usual plan is expected to err by {expected:.2g} here."
+        why = f"{said}; {expected:.2g} are expected here with its usual settings."
     else:
         why = (
-            f"{said}. Its usual plan is expected to err by {usual.error(rough):.2g}, more than two fifths of that, "
-            f"because the walls are hard here: {rough:.2g} levels within half a voxel. It takes {chosen.describe()}, "
-            f"and {expected:.2g} are expected."
+            f"{said}. Its usual settings are expected to err by "
+            f"{usual.error(rough):.2g}, because edges are hard here ({rough:.2g} levels within half a voxel). "
+            f"With {chosen.describe()} {expected:.2g} are expected."
         )
     if expected > EXPECTED_SHARE * aim:
-        why += " No plan is expected to err less."
+        why += " No settings are expected to err less."
     knobs = dict(zip(PRESET_KNOBS, chosen.knobs, strict=True))
     return replace(source, quality=replace(quality, **knobs), plan={"why": why, "aim": aim, "expected": expected})
 

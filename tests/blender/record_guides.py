@@ -5,7 +5,7 @@
 writes how-to-*.jpg and organs-*.jpg into build/window-shots/record_guides.  In tests/blender/data are: ``scan``, the
 DICOM series of the gallery's skull; ``cta_aorta_labels``, the dissected aorta with its segments; and
 ``cthead_256x256x113_uint16be.raw.gz``.
-how-to-preferences.jpg and how-to-report.jpg are parts of preferences.png and effects_listed.png of window_panels.py.
+how-to-preferences.jpg is a part of preferences.png of window_panels.py.
 """
 
 import os
@@ -20,7 +20,7 @@ import numpy as np
 from mathutils import Euler, Matrix, Vector
 
 from tests.blender.real_blender import MODULE
-from tests.blender.user_steps import middle, press, settled, simulate
+from tests.blender.user_steps import middle, press, scroll_sidebar, settled, simulate
 from tests.blender.window_driver import (
     SHOTS,
     area_of,
@@ -37,8 +37,11 @@ from tests.blender.window_driver import (
 
 DATA = Path(__file__).parent / "data"
 HEAD, ORGANS, QUALITY = "560x560+190+170", "540x610+160+140", "70"
+BEATING, PANEL, REPORT = "280x330+380+230", "260x330+990+448", "910x695+345+82"
 RAW, AORTA = "cthead_256x256x113_uint16be.raw.gz", "cta_aorta_labels"
 SCANS = Path("/scans")  # of the small system: a path that a reader could have
+NEARER = "0.15"  # m that a name is brought nearer to the camera, as it is typed
+KEYS = {".": "PERIOD", "0": "ZERO", "1": "ONE", "5": "FIVE"}  # of Blender, for what is typed
 PANELS = ("transfer", "slices", "shading")  # that are open
 # Of the tutorial on organs: the slice's place in mm and its level and window in HU; of each name the place that it is
 # for, in meters from the middle of the scan, how far it stands to the right of it as seen, and its alignment.
@@ -262,7 +265,7 @@ def tutorial_of_organs():
     yield from settled()
     yield from keep("organs-3-slice")
     open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_labels", "RLE_SPLAT_PT_slices")
-    lamp("SUN", "Sun", 3.0, (-0.3, -0.45, 0.4), angle=radians(3.0))
+    lamp("SUN", "Sun", 3.0, (0.2, -0.5, 0.15), angle=radians(3.0))
     lamp("AREA", "Rim", 8.0, (0.4, 0.4, 0.3), size=0.25, color=(0.62, 0.78, 1.0), use_shadow=False)
     ours.lighting, scene.rle_splat.ambient_occlusion, scene.rle_splat.quality = "SCENE", 0.7, "fine"
     camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
@@ -306,26 +309,168 @@ def tutorial_of_organs():
     passed("tutorial of organs")
 
 
+def ventricle(phase: float, side: int = 96) -> np.ndarray:
+    """A bowl as a left ventricle is one, uint8: relaxed at phase 0, contracted and with a thicker wall at 1."""
+    z, y, x = np.meshgrid(*3 * (np.linspace(-1.0, 1.0, side),), indexing="ij")
+    outer = np.sqrt((x**2 + y**2) / (0.62 - 0.06 * phase) ** 2 + ((z - 0.35) / (1.15 - 0.15 * phase)) ** 2)
+    inner = np.sqrt((x**2 + y**2) / (0.47 - 0.22 * phase) ** 2 + ((z - 0.35) / (1.0 - 0.25 * phase)) ** 2)
+    wall = np.minimum(np.minimum(1.0 - outer, inner - 1.0) * 0.5, 0.45 - 0.1 * phase - z)
+    return np.rint(250.0 / (1.0 + np.exp(-60.0 * wall))).astype(np.uint8)
+
+
+def keys(text: str, at, **held):
+    """Press keys one after the other, as a person types them over the viewport."""
+    for letter in text:
+        name = KEYS.get(letter, letter.upper())
+        for value in ("PRESS", "RELEASE"):
+            typed = {"unicode": letter} if value == "PRESS" and not held else {}
+            window().event_simulate(type=name, value=value, x=int(at[0]), y=int(at[1]), **held, **typed)
+        yield
+
+
+def transform(letters: str, begin, end):
+    """Transform the selected object by keys such as SXX and the mouse, from one pixel to another."""
+    before = bpy.context.view_layer.objects.active.matrix_world.copy()
+    simulate("MOUSEMOVE", "NOTHING", begin)
+    yield
+    yield from keys(letters, begin)
+    for part in (0.5, 1.0):
+        simulate("MOUSEMOVE", "NOTHING", [a + part * (b - a) for a, b in zip(begin, end, strict=True)])
+        yield
+    yield from press("LEFTMOUSE", end)
+    yield
+    assert bpy.context.view_layer.objects.active.matrix_world != before, letters
+
+
+def nearer(camera):
+    """Move the selected object along the view, toward the camera, by GZZ and a number."""
+    one = bpy.context.view_layer.objects.active
+    depth = (camera.matrix_world.inverted() @ one.matrix_world.translation).z
+    yield from keys(f"gzz{NEARER}", middle())
+    yield from press("RET", middle())
+    yield
+    moved = (camera.matrix_world.inverted() @ one.matrix_world.translation).z - depth
+    assert abs(moved - float(NEARER)) < 1e-4, moved
+
+
+def named():
+    """A name with its line, by the steps of the guide: from the text on by simulated keys and mouse."""
+    volume = yield from skull()
+    scene, view = bpy.context.scene, area_of("VIEW_3D").spaces.active
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    camera.data.clip_start, camera.data.sensor_width = 0.01, 72.0  # that of a viewport
+    scene.collection.objects.link(camera)
+    scene.camera, camera.matrix_world = camera, view.region_3d.view_matrix.inverted()
+    scene.render.resolution_x, scene.render.resolution_y = 800, 600
+    yield from press("NUMPAD_0", middle())
+    yield
+    assert view.region_3d.view_perspective == "CAMERA"
+    box = volume.instance_collection.objects[0]
+    at = sum((volume.matrix_world @ box.matrix_world @ corner.co for corner in box.data.vertices), Vector()) / 8
+    with in_the_view():
+        bpy.ops.view3d.view_center_camera()
+        assert bpy.ops.rle_splat.add_letters() == {"FINISHED"}
+        bpy.ops.object.text_add(radius=0.01, align="VIEW", location=at)
+    text = bpy.context.view_layer.objects.active
+    yield from press("TAB", middle())
+    yield from keys("a", middle(), ctrl=True)
+    yield from keys("Orbit", middle())
+    yield from press("TAB", middle())
+    assert (text.mode, text.data.body) == ("OBJECT", "Orbit"), (text.mode, text.data.body)
+    yield from transform("g", middle(), middle(138.0, -85.0))
+    yield from nearer(camera)
+    with in_the_view():
+        bpy.ops.curve.primitive_nurbs_path_add(radius=0.02, align="VIEW", location=at)
+    line = bpy.context.view_layer.objects.active
+    line.data.bevel_depth = 0.0005
+    yield from nearer(camera)
+    yield from transform("sxx", middle(300.0), middle(145.0))
+    yield from transform("r", middle(300.0), middle(300.0, -15.0))
+    yield from transform("g", middle(), middle(167.0, -167.0))
+    for one in (text, line):
+        one.data.materials.append(bpy.data.materials["Letters"])
+        one.visible_shadow = False
+    places = [one.matrix_world.copy() for one in (text, line)]
+    for one in scene.objects:
+        one.select_set(one in (text, line, camera))
+    activate(camera)
+    yield from keys("p", middle(), ctrl=True)
+    yield
+    yield from press("DOWN_ARROW", middle())
+    yield from press("RET", middle())  # Object (Keep Transform)
+    yield
+    assert text.parent == line.parent == camera
+    for one, place in zip((text, line), places, strict=True):
+        np.testing.assert_allclose(one.matrix_world, place, atol=1e-6)
+        one.select_set(False)
+    camera.select_set(False)
+    activate(volume)
+    view.shading.type, view.overlay.show_extras = "MATERIAL", False
+    view.overlay.show_floor = view.overlay.show_axis_x = view.overlay.show_axis_y = False
+    yield from settled()
+    yield from keep("names-first")  # the shaders of the materials are made
+    yield from settled()
+    yield from keep("how-to-names")
+    passed("names")
+
+
 def in_time():
-    """A ring that opens: numbers made here, as no scan of the data has times."""
+    """A computed ventricle that contracts, as no scan of the data has times, and the panel Time."""
     folder = Path(tempfile.mkdtemp(prefix="rle_splat_time_"))
-    z, y, x = np.meshgrid(*3 * (np.linspace(-1.0, 1.0, 64),), indexing="ij")
     for number in range(1, 13):
-        ring = np.exp(-((np.hypot(np.hypot(x, y) - 0.06 * number, z + 0.02 * number) / 0.14) ** 2))
-        (folder / f"ring_64x64x64_uint8_{number:04}.raw").write_bytes(np.rint(250.0 * ring).astype(np.uint8).tobytes())
-    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_playback")
+        voxels = ventricle(0.5 - 0.5 * np.cos(np.pi * (number - 1) / 6.0))
+        (folder / f"heart_96x96x96_uint8_{number:04}.raw").write_bytes(voxels.tobytes())
+    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_scan", "RLE_SPLAT_PT_playback")
     yield from begin()
     with in_the_view():
         assert bpy.ops.rle_splat.import_volume(
-            filepath=str(folder / "ring_64x64x64_uint8_0001.raw"), shape=(64, 64, 64), dtype="uint8", use_sequence=True
+            filepath=str(folder / "heart_96x96x96_uint8_0001.raw"), shape=(96, 96, 96), dtype="uint8", use_sequence=True
         ) == {"FINISHED"}  # fmt: skip
-    look_from(60.0, -30.0, 0.7)
-    for number in (2, 6, 10):
+        assert bpy.ops.rle_splat.apply_preset(preset="ct-heart") == {"FINISHED"}
+    volume = bpy.context.view_layer.objects.active
+    volume.rle_splat.playback, bpy.context.scene.rle_splat.quality = "LOOP", "fine"
+    volume.rle_splat.smoothness = 3.0
+    volume.select_set(False)
+    overlay = area_of("VIEW_3D").spaces.active.overlay
+    overlay.show_floor = overlay.show_axis_x = overlay.show_axis_y = overlay.show_cursor = False
+    overlay.show_relationship_lines = False
+    look_from(48.0, -30.0, 0.6)
+    for number in (1, 4, 7):
         bpy.context.scene.frame_set(number)
         yield from settled()
-        yield from keep(f"time-{number}", HEAD)
-    beside("how-to-time", "time-2", "time-6", "time-10")
+        yield from keep(f"time-{number}", BEATING)
+    yield from scroll_sidebar(30)
+    yield from keep("time-panel", PANEL)
+    beside("how-to-time", "time-1", "time-4", "time-7", "time-panel")
     passed("time")
+
+
+def reported():
+    """The panels Effects and Last Report beside the view, of a heart without segments, under a sun with shadows."""
+    open_panels(*(f"RLE_SPLAT_PT_{name}" for name in ("advanced", "diagnostics", "effects", "report")))
+    yield from begin()
+    with in_the_view():
+        assert bpy.ops.rle_splat.import_volume(
+            filepath=str(DATA / AORTA / "cta_heart_aorta_120x126x164_int16.nii.gz"), preset="ct-angiography"
+        ) == {"FINISHED"}  # fmt: skip
+    volume = bpy.context.view_layer.objects.active
+    volume.select_set(False)
+    look_from(76.0, 20.0, 0.55)
+    scene, view = bpy.context.scene, area_of("VIEW_3D").spaces.active
+    lamp("SUN", "Sun", 3.0, (-0.3, -0.45, 0.4), angle=radians(3.0))
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    scene.collection.objects.link(camera)
+    camera.data.clip_start = 0.01
+    volume.rle_splat.lighting, scene.rle_splat.quality = "SCENE", "fine"
+    view.overlay.show_extras = view.overlay.show_relationship_lines = False
+    yield from settled()
+    scene.camera, camera.matrix_world = camera, view.region_3d.view_matrix.inverted()
+    activate(volume)
+    with in_the_view():
+        assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
+    yield from scroll_sidebar(60)
+    yield from keep("how-to-report", REPORT)
+    passed("report")
 
 
 def scenario():
@@ -335,5 +480,7 @@ def scenario():
         yield from part()
 
 
-PARTS = (set_up_slices, window_and_curve, table_and_surface, raw_file, pinned, tutorial_of_organs, in_time)
+PARTS = (
+    set_up_slices, window_and_curve, table_and_surface, raw_file, pinned, tutorial_of_organs, in_time, reported, named,
+)  # fmt: skip
 drive(scenario)

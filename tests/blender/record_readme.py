@@ -48,13 +48,13 @@ STEPS, COLUMN, DOWN = 14, 82, 12  # of a drag; pixels between buttons of presets
 TOWARD = (-1.5, -1.55, 0.66)  # where the camera is, from the middle of the scan, in sizes of it
 NEARER = 0.5  # than Frame, which shows the whole box
 OPAQUE, SHIFT, GROW, SMOOTH = 0.05, -100.0, 2.0, 2.0  # mm, HU, mm, mm: thin walls are whole and opaque
-SHORTER, AHEAD = 0.8, -0.0125  # of the slice, toward the front in meters: the head holder is beyond it
+SHORTER, AHEAD = 0.8, -0.013  # of the slice, toward the front in meters: the head holder is beyond it
 COLUMNS = 45, 105, 190  # of buttons, pixels from the sidebar's right edge
 LEVEL, WINDOW, BEFORE = 575.0, 850.0, 0.001  # HU, of the slice, and how far it lies before the cut, in meters
 OPEN, LIVE = "560x490+100+160", "500x460+130+175"  # of a frame
-STILLS = {  # pictures of the pages: the frames side by side and the part of each
-    "how-to-presets": (("preset", "1024x700+0+0"),),
-    "how-to-cut": (("whole", OPEN), ("cut", OPEN)), "how-to-live": (("draft", LIVE), ("refined", LIVE)),
+STILLS = {  # pictures of the pages: the frames side by side, the part of each and its caption
+    "how-to-presets": (("preset", "1024x700+0+0", ""),), "how-to-cut": (("whole", OPEN, ""), ("cut", OPEN, "")),
+    "how-to-live": (("draft", LIVE, "Draft, while the view turns"), ("refined", LIVE, "Refined, when it rests")),
 }  # fmt: skip
 shown = []  # of each photograph: how long it is shown, in frames, its caption, and the pixel of the mouse
 mouse = []
@@ -75,8 +75,8 @@ def frame(times: int = 1, caption: str = "", name: str = ""):
     shown.append((times, caption or shown[-1][1], tuple(mouse)))
 
 
-def drag(button: str, begin, end, caption: str = "", draft: str = ""):
-    """Drag from one pixel of the window to another, a frame for each step; ``draft``: a photograph on the way."""
+def drag(button: str, begin, end, caption: str = "", draft: bool = False):
+    """Drag from one pixel of the window to another, a frame for each step; ``draft``: photographs on the way."""
     begin, end = np.array(begin, float), np.array(end, float)
     for at in (begin - 1, begin):
         point("MOUSEMOVE", "NOTHING", at)
@@ -88,8 +88,10 @@ def drag(button: str, begin, end, caption: str = "", draft: str = ""):
         point("MOUSEMOVE", "NOTHING", begin + (end - begin) * step / STEPS)
         yield
         if draft and step == STEPS // 2:
-            yield from photograph(draft)
+            yield from photograph("draft")
         yield from settled()
+        if draft and step == STEPS // 2:
+            yield from photograph("refined")
         yield from frame(2)
     point(button, "RELEASE", end)
     yield
@@ -171,6 +173,7 @@ def rendered():
     bpy.app.handlers.render_complete.append(lambda *_: ended.append(True))
     yield from press("F12", middle())
     yield from until(lambda: ended and not bpy.app.is_job_running("RENDER"))
+    area_of("IMAGE_EDITOR").spaces.active.overlay.show_overlays = False  # the seconds are those of a busy machine
     yield
     yield
 
@@ -220,8 +223,8 @@ def scenario():
     ours.shift_by, ours.opacity_unit_distance, ours.smoothness = SHIFT, OPAQUE, SMOOTH
     yield from settled()
     yield from frame(HOLD, "Shift -100 HU: thin bone is whole")
-    yield from drag("MIDDLEMOUSE", middle(-50.0), middle(120.0), "Turn the view", "draft")
-    yield from frame(HOLD // 2, name="refined")
+    yield from drag("MIDDLEMOUSE", middle(-50.0), middle(120.0), "Turn the view", True)
+    yield from frame(HOLD // 2)
     yield from frame(1, name="whole")
     yield from cut(volume)
     studio(volume)
@@ -251,9 +254,11 @@ def save() -> None:
     subprocess.run(["convert", "-loop", "0", *pictures, "-quality", str(QUALITY), "-define", "webp:method=6",
                     str(folder / "recording.webp")], check=True)  # fmt: skip
     for name, parts in STILLS.items():
-        words = [
-            word for still, part in parts for word in ("(", str(folder / f"{still}.png"), "-crop", part, "+repage", ")")
-        ]
+        words = []
+        for still, part, caption in parts:
+            said = ["-font", FONT, "-gravity", "South", "-pointsize", "19", "-fill", "white", "-undercolor", "#000c",
+                    "-annotate", "+0+14", f" {caption} ", "-gravity", "NorthWest"]  # fmt: skip
+            words += ["(", str(folder / f"{still}.png"), "-crop", part, "+repage", *(said if caption else []), ")"]
         subprocess.run(["convert", *words, "+append", "-quality", "82", str(folder / f"{name}.jpg")], check=True)
 
 

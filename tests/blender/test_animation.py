@@ -89,7 +89,7 @@ def test_all_frames_have_the_plan_of_the_first(volume, tmp_path):
     animated(tmp_path)
     plan = json.loads(settings.last_report_json)["plan"]
     assert plan["quality"] == "fine" and plan["held"] and plan["why"] in settings.last_report.split("\n")
-    assert plan["why"] == "The plan of the first frame is used."
+    assert plan["why"] == "The settings of the first frame are used."
 
 
 def test_a_mesh_that_rises_through_the_volume(volume, tmp_path):

@@ -72,6 +72,8 @@ def test_letters_and_a_scale_bar_as_objects_of_a_render(nifti, bridge, kind):
     middle = Vector(bridge("volumes.box").world_corners(owner).mean(axis=0))
     scenes.add_camera(middle + Vector((0.0, -0.5, 0.0)), rotation=(math.radians(90.0), 0.0, 0.0), type=kind,
                       ortho_scale=0.1, clip_start=0.01)  # fmt: skip
+    has_objects = bridge("live.letters").has_objects
+    assert not has_objects(owner)
     for _ in range(2):  # the second time in place of the first ones
         assert bpy.ops.rle_splat.add_letters() == {"FINISHED"}
     bpy.context.view_layer.update()
@@ -90,6 +92,10 @@ def test_letters_and_a_scale_bar_as_objects_of_a_render(nifti, bridge, kind):
     assert 0.0 < ends[0].x < ends[1].x < 0.5 and 0.0 < ends[0].y < 0.2 and ends[0].z < min(
         seen[name].z for name in "RLSI")  # fmt: skip
     assert not any(one.visible_shadow for one in made.values())
+    assert has_objects(owner)
+    for name in "RLSI":
+        made[name].hide_set(True)
+    assert not has_objects(owner)
 
 
 def test_a_volume_without_a_place_has_no_letters(volume_object, bridge):
