@@ -70,9 +70,9 @@ def _draft_steps(views: list):
             found = loading.found_ahead(owner, frames_until(scene, n))
             if found is None or found[0] in known:
                 continue
+            before, at_frame = KEPT.nbytes, partial(_at_frame, owner, depsgraph, *found)
+            yield from viewport.prepare_steps(volume, at_frame, is_first=not known)
             known.add(found[0])
-            before = KEPT.nbytes
-            yield from viewport.prepare_steps(volume, partial(_at_frame, owner, depsgraph, *found))
             if 2 * KEPT.nbytes - before > KEPT.most_bytes:
                 return
 

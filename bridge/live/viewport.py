@@ -258,7 +258,7 @@ class Viewport:
         self._stamp, self._checked, self._left, self.waits = None, -np.inf, np.inf, False
         self._show([])
 
-    def prepare_steps(self, shown, scene):
+    def prepare_steps(self, shown, scene, *, is_first: bool = False):
         """Generator: make what drafts of another scene in place of that of a volume need; none is shown.
 
         They are made as often and as coarse as redraws would make them until one is quick, so that the next one is.
@@ -270,9 +270,13 @@ class Viewport:
             The volume whose scene is replaced.
         scene : callable
             ``scene(plain)``: the other scene.
+        is_first : bool
+            Whether coarseness is chosen anew, from the finest: that of before may be of drafts that made their tables.
         """
         if self.is_busy or self._shot is None or self._failed is not None:
             return
+        if is_first:
+            self._coarseness, self._was_slow = 0, False
         contents = [replace(one, plain=scene(one.plain)) if one.plain.volume is shown else one
                     for one in self._shot.contents]  # fmt: skip
         shot = replace(self._shot, contents=tuple(contents))

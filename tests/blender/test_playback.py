@@ -162,8 +162,8 @@ def test_drafts_of_all_frames_in_memory_are_made_once_while_nothing_else_is_done
     plain = SimpleNamespace(labels=None)
     monkeypatch.setattr(ahead, "replace", lambda _, volume: int(volume.voxels[0, 0, 0]) // 50)
 
-    def prepare_steps(shown, scene):
-        assert shown is volume
+    def prepare_steps(shown, scene, is_first):
+        assert shown is volume and is_first == (not found)
         found.append(scene(plain))
         yield
 
