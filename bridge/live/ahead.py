@@ -7,6 +7,7 @@ So each viewport makes drafts of the frames that were read ahead once its own vi
 from dataclasses import replace
 from functools import partial
 
+from ...rle_splat.scene import RleSplatError
 from ..data.playback import frames_until, is_playing, round_of
 from ..loop import timer
 from ..scene.render_scene import KEPT
@@ -44,9 +45,7 @@ def work(function, views: list) -> float | None:
     try:
         next(_Work.steps)
         return timer.AT_ONCE
-    except StopIteration:
-        pass
-    except Exception:  # what is wrong with a frame is said when it is shown
+    except (StopIteration, RleSplatError):  # what is wrong with a frame is said when it is shown
         pass
     _Work.done, _Work.begun, _Work.steps = pictures, None, None
     return None
