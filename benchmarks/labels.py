@@ -7,14 +7,20 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
+import nibabel
 import numpy as np
 
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.pipeline.fitting import fitting_steps
 from rle_splat.pipeline.stage_cache import StageCache
+from rle_splat.read.formats import read_volume
+from rle_splat.read.labels import read_labels
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import Labels, Quality
+from rle_splat.volume.measure import measure_steps
 from rle_splat.volume.volume import Volume
 
 from .frames import view_scene
@@ -23,18 +29,19 @@ from .run import Run, make_parser
 COUNTS = (0, 1, 20, 104)  # labels; 20 and 104 fill the whole volume
 TIMES, ORGANS = 7, 4  # frames of the scan in time, and labels in each
 SHIFT = 1.5  # voxels that it moves by from frame to frame
+NOISE = 12.0  # of its values, another one in each frame
 TURN = 0.5  # degrees that the camera turns by from picture to picture
 FUNCTION = TransferFunction(
     opacity=((200, 0.0), (900, 0.15), (1200, 0.4)), color=((0, 0.8, 0.6, 0.5), (1200, 1, 1, 0.9)), shade=Shade()
 )
 
 
-def make_scan(side: int, shift: float = 0.0, frames: int = 1) -> Volume:
+def make_scan(side: int, shift: float = 0.0) -> Volume:
     """A ball with structure in it, int16, moved along x by ``shift`` voxels."""
     z, y, x = np.mgrid[:side, :side, :side].astype(np.float32) * (128.0 / side) - 64.0
     radius = np.sqrt((x - shift) ** 2 + y**2 + z**2)
     values = 1000.0 * np.exp(-((radius / 45.0) ** 6)) + 120.0 * np.sin(x / 5.0) * np.sin(y / 6.0) * np.sin(z / 7.0)
-    return Volume(values.astype(np.int16), np.eye(4), frames=frames)
+    return Volume(values.astype(np.int16), np.eye(4))
 
 
 def make_labels(scan: Volume, count: int, shift: float = 0.0, radius: float = 1.0) -> Volume:
@@ -88,23 +95,44 @@ def count_rows(run: Run, options) -> None:
         add_row(run, f"{n} labels", lit, frames, held)
 
 
-def read_again(volume: Volume) -> Volume:
-    """A volume of which nothing is known yet, as one that has been read from its file."""
-    return replace(volume)
+def write_frames(folder: Path, name: str, frames: list) -> Path:
+    """Write arrays of voxels as one file of several times, packed."""
+    path = folder / f"{name}.nii.gz"
+    nibabel.save(nibabel.Nifti1Image(np.stack([one.T for one in frames], axis=-1), np.eye(4)), path)
+    return path
+
+
+def read_frame(scan_path: Path, map_path: Path, frame: int) -> tuple[Volume, Volume, float, float]:
+    """A scan and its map as they are in memory before a picture, and the seconds of the processor for each."""
+    began = time.process_time()
+    scan = read_volume(scan_path, frame=frame)
+    drain(measure_steps(scan))
+    middle = time.process_time()
+    labels = read_labels(map_path, scan, frame)
+    drain(measure_steps(labels))
+    return scan, labels, middle - began, time.process_time() - middle
 
 
 def time_rows(run: Run, options) -> None:
     """Two rounds of a scan in time, by what it has for labels: as it is, and as playback draws it when slow."""
-    scans = [make_scan(options.side, SHIFT * n, TIMES) for n in range(TIMES)]
-    maps = [colored(make_labels(scan, ORGANS, SHIFT * n, 0.16), ORGANS) for n, scan in enumerate(scans)]
+    scans = [make_scan(options.side, SHIFT * n) for n in range(TIMES)]
+    maps = [make_labels(scan, ORGANS, SHIFT * n, 0.16) for n, scan in enumerate(scans)]
+    random = np.random.default_rng(1)
+    noisy = [scan.voxels + np.rint(random.normal(0.0, NOISE, scan.voxels.shape)).astype(np.int16) for scan in scans]
+    with TemporaryDirectory() as folder:
+        files = [write_frames(Path(folder), "scan", noisy), write_frames(Path(folder), "map", [m.voxels for m in maps])]
+        scans, maps, *reading = zip(*(read_frame(*files, n) for n in range(1, TIMES + 1)))
+    add_row(run, "reading a frame", False, reading[0][1:])
+    add_row(run, "reading a frame and its map", False, np.add(*reading)[1:])
+    maps = [colored(one, ORGANS) for one in maps]
     kinds = {"without labels": [None] * TIMES, "one map": maps[:1] * TIMES, "a map each": maps}
     caches = {(kind, lit, half): StageCache() for kind in kinds for lit in (False, True) for half in (0, 1)}
     taken = {case: [] for case in caches}
     for n in (*range(TIMES), *range(TIMES)):
         for (kind, lit, half), cache in caches.items():
-            scan, labels = read_again(scans[n]), kinds[kind][n]
-            labels = labels and replace(labels, volume=read_again(labels.volume))
-            taken[kind, lit, half].append(seconds(scan, labels, lit, "draft", options.size, 35.0, cache, half))
+            taken[kind, lit, half].append(
+                seconds(scans[n], kinds[kind][n], lit, "draft", options.size, 35.0, cache, half)
+            )
     for (kind, lit, half), all_frames in taken.items():
         for name, frames in (("first round", all_frames[1:TIMES]), ("second round", all_frames[TIMES:])):
             add_row(run, f"{kind}, {name}{', half as many voxels along each side' if half else ''}", lit, frames)

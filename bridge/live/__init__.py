@@ -18,7 +18,7 @@ from ..render import compositor
 from ..scene import render_scene, viewports
 from ..translations import filled
 from ..volumes import box
-from . import drawing, shown, slice_drawing, slice_places, surface
+from . import ahead, drawing, shown, slice_drawing, slice_places, surface
 from .viewport import BITE, Viewport
 
 AFTER_LOCAL = 0.1  # seconds from Blender's own move to Local View until it is corrected
@@ -156,7 +156,7 @@ def _tick():
     """Timer function: do one step for a viewport."""
     busy = {address: live for address, live in _lives.items() if live.viewport.is_busy}
     if not busy and not _missed:
-        return None
+        return ahead.work(_tick, _views_in_time()) if is_allowed() else None
     if not preferences.value("show_live"):
         _missed.clear()
         for live in busy.values():
@@ -186,6 +186,18 @@ def _tick():
         if had != (live.viewport.problem, live.mesh, remark_of(area)):
             _redraw_panels(area)
     return timer.AT_ONCE
+
+
+def _views_in_time() -> list:
+    """(Viewport, volume object, Depsgraph) for all volumes in time that viewports show."""
+    found = []
+    for address, live in _lives.items():
+        owners = [owner for owner in map(shown.find, live.keys) if owner is not None]
+        window = surface.region_of(address)[2]
+        if window is not None and window.view_layer.depsgraph is not None:
+            found += [(live.viewport, owner, window.view_layer.depsgraph) for owner in owners
+                      if owner.rle_splat.frame_count > 1]  # fmt: skip
+    return found
 
 
 def _frame_local() -> None:
@@ -286,6 +298,7 @@ def stop() -> None:
     _lives.clear()
     _missed.clear()
     shown.forget()
+    ahead.stop()
     timer.stop(_tick)
     timer.stop(_frame_local)
 

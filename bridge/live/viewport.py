@@ -7,7 +7,7 @@ from a DrawnSurface, so that tests can stand in for both.
 import time
 from collections import Counter
 from collections.abc import Generator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -258,6 +258,36 @@ class Viewport:
         self._stamp, self._checked, self._left, self.waits = None, -np.inf, np.inf, False
         self._show([])
 
+    def prepare_steps(self, shown, scene, *, is_first: bool = False):
+        """Generator: make what drafts of another scene in place of that of a volume need; none is shown.
+
+        They are made as often and as coarse as redraws would make them until one is quick, so that the next one is.
+        Nothing is made before the view was refined.
+
+        Parameters
+        ----------
+        shown : Volume
+            The volume whose scene is replaced.
+        scene : callable
+            ``scene(plain)``: the other scene.
+        is_first : bool
+            Whether coarseness is chosen anew, from the finest: that of before may be of drafts that made their tables.
+        """
+        if self.is_busy or self._shot is None or self._failed is not None:
+            return
+        if is_first:
+            self._coarseness, self._was_slow = 0, False
+        contents = [replace(one, plain=scene(one.plain)) if one.plain.volume is shown else one
+                    for one in self._shot.contents]  # fmt: skip
+        shot = replace(self._shot, contents=tuple(contents))
+        for _ in range(2 * MOST_COARSENESS):
+            coarseness, self._spent = self._draft_coarseness(), 0.0
+            for _ in self._timed(picture_steps(shot, self._ends, self._cache, coarseness)):
+                yield
+            self._choose_coarseness(coarseness)
+            if not self._was_slow and coarseness == self._draft_coarseness():
+                return
+
     def try_again(self) -> None:
         """Forget the problem; the next redraw begins anew."""
         self.problem, self._failed = "", None
@@ -274,11 +304,14 @@ class Viewport:
         self._failed = self._tried
 
     def _start_draft(self) -> None:
-        self._start(max(self._coarseness, self._request.habits.least_coarseness))
+        self._start(self._draft_coarseness())
+
+    def _draft_coarseness(self) -> int:
+        return max(self._coarseness, self._request.habits.least_coarseness)
 
     def _start(self, coarseness: int | None) -> None:
         self._work_on, self._spent, self._began = (self._shot, coarseness), 0.0, self._now()
-        self._work = picture_steps(self._shot, self._ends, self._cache, coarseness)
+        self._work = self._timed(picture_steps(self._shot, self._ends, self._cache, coarseness))
 
     def _stop_work(self) -> None:
         if self._work is not None:
@@ -292,12 +325,21 @@ class Viewport:
             try:
                 next(self._work)
             except StopIteration as finished:
-                self._spent += self._now() - began
                 self._finish(finished.value)
-            else:
-                self._spent += self._now() - began
             if 2.0 * self._now() - began >= until:
                 break
+
+    def _timed(self, steps: Generator):
+        """Generator: the same steps, whose seconds are added to those spent."""
+        while True:
+            began = self._now()
+            try:
+                step = next(steps)
+            except StopIteration as finished:
+                self._spent += self._now() - began
+                return finished.value
+            self._spent += self._now() - began
+            yield step
 
     def _finish(self, pictures: list[RegionPicture]) -> None:
         shot, coarseness = self._work_on

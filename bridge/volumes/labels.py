@@ -164,12 +164,17 @@ def _read_steps(file: LabelFile, volume):
 
 def read_labels(owner, depsgraph, volume, transfer_function) -> Labels | None:
     """The labels of a volume object as plain data at the depsgraph's time; None without a label file or rows."""
-    properties = owner.evaluated_get(depsgraph).rle_splat
     if not are_used(owner):
         return None
-    styles = [row.plain() for row in properties.labels]
     found = drain(load_steps(store.wish_of(owner, depsgraph, PURPOSE), file_of(owner, depsgraph), volume))
-    return labels_of(found.volume, styles, volume, transfer_function, properties.smooth_labels)
+    return shown_as(owner, depsgraph, found.volume, volume, transfer_function)
+
+
+def shown_as(owner, depsgraph, label_map, volume, transfer_function) -> Labels:
+    """The labels of a map as plain data, as a volume object's rows show them in a volume."""
+    properties = owner.evaluated_get(depsgraph).rle_splat
+    styles = [row.plain() for row in properties.labels]
+    return labels_of(label_map, styles, volume, transfer_function, properties.smooth_labels)
 
 
 def listed_steps(file: LabelFile, volume, wish: store.Wish | None = None):

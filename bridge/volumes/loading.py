@@ -83,6 +83,18 @@ def is_ahead(owner, ahead: int) -> bool:
     return all(store.has_any(store.frame_wish(owner, key)) for key in keys)
 
 
+def found_ahead(owner, ahead: int) -> tuple | None:
+    """The Volume that a volume object shows some frames later, and its label map, None where it is that of all frames;
+    None if they are not in memory."""
+    volume, label_map = volumes.at_hand(owner, ahead=ahead), None
+    if volume is not None and _labels_change(owner):
+        found = store.find(labels.file_of(owner, ahead=ahead).key(volume))
+        if found is None:
+            return None
+        label_map = found.volume
+    return None if volume is None else (volume, label_map)
+
+
 def _labels_change(owner) -> bool:
     """Whether each frame of a volume object has labels of its own."""
     return labels.are_used(owner) and owner.rle_splat.label_frames > 1

@@ -188,14 +188,19 @@ def _mark_boundaries(numbers, row_start, column, kinds, weights) -> np.ndarray:
         flat[at] |= BESIDE
         lead = scale * (weights[records, 0].astype(np.int32) - weights[records, 1])
         leads[at] = np.clip(np.rint(lead), 1, np.iinfo(np.int8).max)
-        others = np.full((top - first, ny, nx), NO_KIND, np.uint16)
-        others.reshape(-1)[at - first * ny * nx] = kinds[records, 1]
-        cells = _where(numbers[first:last] & MIXED != 0)
-        corners = [np.minimum(cells[n][:, None] + CORNERS[:, n], size - 1) for n, size in enumerate(others.shape)]
-        own, other = (numbers[first:top] & NO_KIND)[tuple(corners)], others[tuple(corners)]
-        low, high = own.min(axis=1, keepdims=True), own.max(axis=1, keepdims=True)
+        others = np.full((top - first) * ny * nx, NO_KIND, np.uint16)
+        others[at - first * ny * nx] = kinds[records, 1]
+        found = np.flatnonzero(numbers[first:last] & MIXED)
+        z, y, x = np.unravel_index(found, (last - first, ny, nx))
+        # From a cell's first corner to the others; at the ends of the volume that corner again.
+        up, across, along = (z < top - first - 1) * (ny * nx), (y < ny - 1) * nx, x < nx - 1
+        near = flat[first * ny * nx : top * ny * nx]
+        corners = [found + a * up + b * across + c * along for a, b, c in CORNERS]
+        own, other = (np.stack([values[one] for one in corners]) for values in (near, others))
+        own &= NO_KIND
+        low, high = own.min(axis=0), own.max(axis=0)
         are_two = ((own == low) & (other == high)) | ((own == high) & (other == low))
-        numbers[first:last][tuple(cells[:, ~are_two.all(axis=1)])] |= SEVERAL
+        near[found[~are_two.all(axis=0)]] |= SEVERAL
     return leads
 
 
@@ -228,7 +233,12 @@ class _Boundary:
             for number, (low, high) in self.boxes.items():
                 if number == 0:
                     continue
-                rows, weight, slope = self._indicator(number, low, high)
+                rows = np.flatnonzero(
+                    ((self.at >= (low - REACH)[:, None]) & (self.at <= (high + REACH)[:, None])).all(axis=0)
+                )  # fmt: skip
+                if not len(rows):
+                    continue
+                weight, slope = self._indicator(number, rows)
                 rest[rows] -= weight
                 rest_slopes[rows] -= slope
                 self._note(kinds, weights, slopes, rows, number, weight, slope)
@@ -245,28 +255,22 @@ class _Boundary:
         columns = kinds, codes, np.rint(slopes * SLOPE_OF_ONE).astype(np.int16)
         return self.rows, self.at[2].astype(np.int32), *(np.ascontiguousarray(each.swapaxes(0, 1)) for each in columns)
 
-    def _indicator(self, number: int, low, high):
-        """The smoothed indicator of a function and its slopes along x, y, z where it matters: rows of ``at``, (n,) and
-        (n, 3) float32; ``low``, ``high``: first and last of its voxels at boundaries."""
-        size = np.array(self.planes.shape)[:, None]
-        rows = np.flatnonzero(
-            ((self.at >= (low - REACH)[:, None]) & (self.at <= (high + REACH)[:, None])).all(axis=0)
-        )  # fmt: skip
-        # A margin for where voxels lie that matter, one for slopes, and one for smoothing.
-        begin, end = low - 2 * REACH - 1, high + 2 * REACH + 2
-        inside = tuple(slice(max(a, 0), min(b, n)) for a, b, n in zip(begin, end, size[:, 0]))
-        beyond = [(max(-a, 0), max(b - n, 0)) for a, b, n in zip(begin, end, size[:, 0])]
-        indicator = np.pad((self.planes[inside] == number).astype(np.float32), beyond, mode="edge")
-        once = _blurred(indicator)
+    def _indicator(self, number: int, rows):
+        """The smoothed indicator of a function and its slopes along x, y, z at ``rows`` of ``at``: (n,) and (n, 3)
+        float32."""
+        at = self.at[:, rows]
+        # What is smoothed twice, with a margin for slopes, lies in planes of its own; and a margin for each smoothing.
+        begin, end = at.min(axis=1) - HALO, at.max(axis=1) + HALO + 1
+        inside = tuple(slice(max(a, 0), min(b, n)) for a, b, n in zip(begin, end, self.planes.shape))
+        beyond = [(max(-a, 0), max(b - n, 0)) for a, b, n in zip(begin, end, self.planes.shape)]
+        once = _blurred(np.pad((self.planes[inside] == number).astype(np.float32), beyond, mode="edge"))
         twice = _blurred(once)
-        z, y, x = self.at[:, rows] - (low - REACH - 1)[:, None]
         once = once[RADIUS:-RADIUS, RADIUS:-RADIUS, RADIUS:-RADIUS]
-        slopes = (
-            twice[z, y, x + 1] - twice[z, y, x - 1], twice[z, y + 1, x] - twice[z, y - 1, x],
-            twice[z + 1, y, x] - twice[z - 1, y, x],
-        )  # fmt: skip
-        weight = np.float32(NARROW) * once[z, y, x] - np.float32(NARROW - 1.0) * twice[z, y, x]
-        return rows, weight, np.stack(slopes, axis=1)
+        steps = twice.strides[0] // 4, twice.strides[1] // 4, 1
+        flat, places = twice.reshape(-1), np.array(steps) @ (at - begin[:, None] - REACH)
+        slopes = np.stack([flat[places + step] - flat[places - step] for step in reversed(steps)], axis=1)
+        weight = np.float32(NARROW) * once.reshape(-1)[places] - np.float32(NARROW - 1.0) * flat[places]
+        return weight, slopes
 
     def _note(self, kinds, weights, slopes, rows, number: int, weight, slope) -> None:
         """Take a function into the records of ``rows``: as their own, or in place of the weakest other."""

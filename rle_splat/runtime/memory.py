@@ -95,7 +95,8 @@ def _group_free() -> int:
         folder = root / path.strip("/")
         for group in (folder, *folder.parents):
             limit = _number(group / names[0])
-            used = None if limit is None else _number(group / names[1])
+            is_less = limit is not None and limit < total_bytes()  # else the machine has no more
+            used = _number(group / names[1]) if is_less else None
             if used is not None:
                 free = min(free, limit - used + _file_cache(group))
             if group == root:

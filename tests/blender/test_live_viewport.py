@@ -241,6 +241,32 @@ def rows_of_view(viewport) -> float:
     return picture.rgba.shape[0] / (picture.place[3] - picture.place[1])
 
 
+def test_what_drafts_of_another_frame_need_is_made_before_it_is_shown(live, made, contents, monkeypatch):
+    """Those that playback would make: drafts of every pixel are slow here."""
+    viewport, clock, surface = made
+    shown, draw = contents.plain.volume, live.viewport.picture_steps
+    other = replace(contents.plain, volume=replace(shown, voxels=shown.voxels - shown.voxels // 4))
+
+    def slow_steps(*arguments):
+        clock.now += 0.02 if arguments[-1] == 0 else 0.01
+        return (yield from draw(*arguments))
+
+    viewport.redraw(request_of(live), 1, surface)
+    assert not list(viewport.prepare_steps(shown, lambda _: other)), "before the view was refined"
+    finish(viewport, clock)
+    monkeypatch.setattr(live.viewport, "picture_steps", slow_steps)
+    pictures, version, before = viewport.pictures, viewport.version, dict(viewport._cache.made)
+    viewport._coarseness = 4  # of drafts during playback that had to make their tables
+    assert list(viewport.prepare_steps(shown, lambda _: other, is_first=True)) and viewport._coarseness == 1
+    prepared = dict(viewport._cache.made)
+    assert viewport.pictures is pictures and viewport.version == version and prepared != before
+    surface.held = [replace(contents, plain=other, digest="another frame")]
+    viewport.redraw(request_of(live), 2, surface)
+    while viewport.counts["drafts"] < 2:
+        viewport.work()
+    assert viewport._cache.made == prepared and viewport._coarseness == 1
+
+
 def test_a_user_may_have_drafts_only_and_of_half_the_pixels(live, made):
     viewport, clock, surface = made
     drafts = live.viewport.Habits(refines=False, least_coarseness=1)

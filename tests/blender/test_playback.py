@@ -149,6 +149,37 @@ def test_frames_are_read_ahead_until_memory_is_full(owner, bridge, reads, monkey
     assert [int(path[-8:-4]) for path in reads] == expected
 
 
+def test_drafts_of_all_frames_in_memory_are_made_once_while_nothing_else_is_done(owner, bridge, playing, monkeypatch):
+    """In the order of playback from the one that is shown, and none while it plays."""
+    ahead, timer, found = bridge("live.ahead"), bridge("loop.timer"), []
+    bpy.context.scene.frame_end = 4
+    shown_at(bridge, owner, (1,))
+    work = bridge("loop.work")
+    playing[0], work._ahead[0] = False, 1
+    run_timer(work)
+    playing[0] = True
+    volume = bridge("volumes.volumes").load_volume(owner)
+    plain = SimpleNamespace(labels=None)
+    monkeypatch.setattr(ahead, "replace", lambda _, volume: int(volume.voxels[0, 0, 0]) // 50)
+
+    def prepare_steps(shown, scene, is_first):
+        assert shown is volume and is_first == (not found)
+        found.append(scene(plain))
+        yield
+
+    views = [(SimpleNamespace(version=1, prepare_steps=prepare_steps), owner, bpy.context.evaluated_depsgraph_get())]
+    ahead.stop()
+    assert ahead.work(run_timer, views) is None and not found
+    playing[0] = False
+    timer._due[value_now] = perf_counter() + 0.3
+    assert ahead.work(run_timer, views) == ahead.LOOK and not found, "other work comes first"
+    timer.stop(value_now)
+    while ahead.work(run_timer, views) is not None:
+        pass
+    assert found == [1, 2, 3, 4]
+    assert ahead.work(run_timer, views) is None and len(found) == 4
+
+
 def test_what_is_wanted_now_is_read_by_the_timer_and_then_shown(owner, bridge, sequence):
     volumes, work = bridge("volumes.volumes"), bridge("loop.work")
     assert not work.want(owner)  # it is in memory
@@ -180,7 +211,8 @@ def test_the_next_frame_is_read_ahead(owner, bridge, core):
 def playing(bridge, monkeypatch):
     """A list whose item says whether the animation plays, which lasts as long as that of a window."""
     state = [True]
-    monkeypatch.setattr(bridge("loop.work"), "is_playing", lambda: state[0])
+    for module in ("loop.work", "live.ahead"):
+        monkeypatch.setattr(bridge(module), "is_playing", lambda: state[0])
     return state
 
 

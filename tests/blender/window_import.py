@@ -230,6 +230,94 @@ def check_followed(ours, owner):
     ahead.want = want
 
 
+def write_beat(side: int, frames: int) -> tuple[Path, Path]:
+    """A ball that moves with three organs in it, as a scan in time with noise, and a label map of each frame."""
+    import nibabel  # there when the extension is
+
+    random, paths = np.random.default_rng(0), (FOLDER / "heart.nii.gz", FOLDER / "organs.nii.gz")
+    volumes_of = np.empty((side, side, side, frames), np.int16), np.zeros((side, side, side, frames), np.uint8)
+    for n in range(frames):
+        place = np.indices((side, side, side), np.float32) / side - 0.5 - 0.01 * n
+        radius = np.sqrt((place**2).sum(axis=0))
+        values = 1000.0 * np.exp(-((radius / 0.35) ** 6)) + random.normal(0.0, 12.0, radius.shape)
+        volumes_of[0][..., n] = values
+        for label, at in enumerate((-0.16, 0.0, 0.16), 1):
+            apart = np.sqrt((place[0] - at) ** 2 + place[1] ** 2 + place[2] ** 2)
+            volumes_of[1][..., n][apart < 0.09 + 0.02 * np.sin(n)] = label
+    for path, values in zip(paths, volumes_of):
+        nibabel.save(nibabel.Nifti1Image(values, np.eye(4)), path)
+    return paths
+
+
+def play_round(name: str, viewport, frames: int):
+    """Play a round at 24 frames a second; print what was shown, and return how often each stage ran."""
+    live, kept = import_module(f"{MODULE}.bridge.live"), import_module(f"{MODULE}.bridge.scene.render_scene").KEPT
+    scene, made, finished, drawn = bpy.context.scene, dict(kept.made), [], []
+    finish, draw = viewport._finish, live._draw
+
+    def watch_finish(pictures):
+        finished.append((viewport._work_on[0].contents[0].plain.volume.key, viewport._work_on[1]))
+        finish(pictures)
+
+    def watch_draw(*given):
+        drawn.extend([(scene.frame_current, *finished[-1])] if finished else [])
+        draw(*given)
+
+    viewport._finish, live._draw = watch_finish, watch_draw
+    began, start, seen = time.perf_counter(), scene.frame_current, set()
+    with in_the_view():
+        bpy.ops.screen.animation_play()
+    yield from until(
+        lambda: seen.add(scene.frame_current) or (len(seen) > frames // 2 and scene.frame_current == start)
+    )
+    seconds = time.perf_counter() - began
+    with in_the_view():
+        bpy.ops.screen.animation_play()
+    del viewport._finish
+    live._draw = draw
+    print(f"{name}: {len({volume for _, volume, _ in drawn})} of {frames} frames shown in {seconds:.2f} s, coarseness "
+          f"{[coarseness for *_, coarseness in drawn]}", flush=True)  # fmt: skip
+    return {stage: count - made.get(stage, 0) for stage, count in kept.made.items()}
+
+
+def check_organs_in_time(side: int = 64, frames: int = 8, coarseness: int | None = 2):
+    """Playback of a scan with a label map of each frame finds no boundaries once the window had a rest.
+
+    ``coarseness``: of drafts; None for that which viewports choose, by how busy the machine is.
+    """
+    yield from new_file()
+    scan, organs = write_beat(side, frames)
+    with in_the_view():
+        bpy.ops.rle_splat.import_volume(filepath=str(scan))
+        owner, scene = volumes()[0], bpy.context.scene
+        owner.rle_splat.label_file = str(organs)
+        assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
+        import_module(f"{MODULE}.bridge.volumes.labels").show_anatomy(owner.rle_splat.labels)
+    scene.frame_start, scene.frame_end, owner.rle_splat.playback = 1, frames, "LOOP"
+    scene.render.fps, scene.rle_splat.classification = 24, "post"
+    live, kept = import_module(f"{MODULE}.bridge.live"), import_module(f"{MODULE}.bridge.scene.render_scene").KEPT
+    area_of("VIEW_3D").spaces.active.show_region_ui = False
+    with in_the_view():
+        bpy.ops.rle_splat.frame_volume(side="A")
+    yield from wait_for_rest()
+    viewport = next(iter(live._lives.values())).viewport
+    if coarseness is not None:
+        viewport._coarseness, viewport._choose_coarseness = coarseness, lambda _: None
+    kept.clear()
+    unprepared = yield from play_round("without a rest", viewport, frames)
+    yield from play_round("second round", viewport, frames)
+    kept.clear()
+    yield from settled()
+    area_of("VIEW_3D").tag_redraw()
+    yield from wait_for_rest()
+    prepared = yield from play_round("after a rest", viewport, frames)
+    yield from photograph("organs")
+    print(
+        f"labels' boundaries found: {unprepared['labels']} times without a rest, {prepared['labels']} after", flush=True
+    )
+    assert unprepared["labels"] and not prepared["labels"]
+
+
 def check_framing():
     """From a scene with Blender's usual cube and a closed sidebar: the volume fills the view, the tab is open, and what
     hides the volume is told; in perspective and not, and nothing is moved where that is not wanted."""
@@ -302,8 +390,8 @@ def check_reload():
 def scenario():
     watch_slices()
     open_panels("RLE_SPLAT_PT_scan", "RLE_SPLAT_PT_playback")
-    reading = check_steps, check_escape, check_dialog, check_chooser, check_browser, check_playback, check_reload
-    for check in (*reading, check_framing):
+    reading = check_steps, check_escape, check_dialog, check_chooser, check_browser, check_playback
+    for check in (*reading, check_organs_in_time, check_reload, check_framing):
         yield from check()
         passed(check.__name__)
 
