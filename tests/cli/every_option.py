@@ -46,7 +46,7 @@ VALUES = {
     "--keep-table": [""],
     "--channel": ["volume.raw --channel-function function.json"],
     "--channel-function": [f"function.json --channel volume.raw {more}" for more in (LIT, "--no-shading")],
-    "--tolerance": ["4"], "--probes": ["20 --tolerance 8"], "--quality": knobs.QUALITY_PRESETS, "--paper": [""],
+    "--tolerance": ["4 --probes 20"], "--probes": ["20 --tolerance 8"], "--quality": knobs.QUALITY_PRESETS, "--paper": [""],
     "--classification": [*knobs.CLASSIFICATIONS, f"pre {LIT}"], "--depth-rule": knobs.DEPTH_RULES,
     "--sheet-density": ["0", "1.5"],
     "--kernel": knobs.FOOTPRINTS, "--minification": [f"{one} --sheet-density 0.3" for one in knobs.MINIFICATIONS],
