@@ -44,8 +44,8 @@ def noting(name):
     except Compiles:
         compiling.append(name)
 """
-# Every case with a small volume and picture, orthographic with two of the stored types and in perspective with the others; and one of a scan's
-# usual size.
+# Every case with a small volume and picture, orthographic with two of the stored types and in perspective with the
+# others; and one of a scan's usual size.
 DRAW = """
 from dataclasses import replace
 from devtools import reference_pictures

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from rle_splat import Quality, Scene, fit_preset, read_volume, render, turntable
-
 from tests.read.head import head, reordered
 from tests.read.phantoms import ras
 
