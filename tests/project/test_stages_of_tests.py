@@ -36,9 +36,14 @@ def test_windows_are_skipped_with_the_reason_where_there_is_no_blender(monkeypat
 
 @pytest.mark.parametrize(("version", "backend", "code"), [((5, 2), None, 1), ((5, 3), None, 0), ((5, 2), "vulkan", 0)])
 def test_photographs_are_compared_last_where_those_approved_are_of_this_blender(monkeypatch, version, backend, code):
-    """A window whose photograph has changed, or is missing, fails the run."""
+    """A window whose photograph has changed, or is missing, fails the run.  Each is told which one is compared."""
+    compared = {}
 
     def run(blender, zips, script, *_):
+        return Stage(script.stem, passed=1)
+
+    def show(zips, script, *_, RLE_SPLAT_GOLDEN=None):
+        compared[script.stem] = RLE_SPLAT_GOLDEN
         return Stage(script.stem, passed=1)
 
     def compare(name, command, environ, log):
@@ -48,11 +53,12 @@ def test_photographs_are_compared_last_where_those_approved_are_of_this_blender(
     monkeypatch.setattr(real_blender_tests, "ensure_blender", lambda: None)
     monkeypatch.setattr(real_blender_tests, "find_blender", lambda: SimpleNamespace(version=version))
     monkeypatch.setattr(real_blender_tests, "_run", run)
-    monkeypatch.setattr(real_blender_tests, "window_stage", lambda zips, script, *_: Stage(script.stem, passed=1))
+    monkeypatch.setattr(real_blender_tests, "window_stage", show)
     monkeypatch.setattr(real_blender_tests, "counted", compare)
     found = real_blender_tests.real_blender_stages({}, backend=backend)
     assert len(found) == len(real_blender_tests.WINDOW_SCRIPTS) + 2 and found[-1].name == "photographs"
     assert (found[-1].failed, found[-1].verdict == "SKIPPED") == (code, not code)
+    assert {script: name for script, name in compared.items() if name} == real_blender_tests.PHOTOGRAPHS
 
 
 def test_each_script_that_drives_a_window_is_a_stage():
