@@ -22,24 +22,14 @@ from rle_splat.volume.volume import Volume
 
 from .phantom import EXTENT_MM, head_phantom
 from .places import BUILD, ROOT
+from .real_blender_tests import PHOTOGRAPHS, SHOTS
 
 FOLDER = ROOT / "tests" / "unit" / "golden"
 SHEET = BUILD / "golden.png"
 WINDOWS, WINDOWS_SHEET = ROOT / "tests" / "blender" / "golden", BUILD / "golden-windows.png"
-SHOTS = BUILD / "window-shots"
 SPACING = 5.0  # millimeters of the head's voxels
 POOLED = 2  # pixels of a thumbnail a side that one of a golden picture stands for: files of at most 8 KB
 
-# A photograph of each script of a window that is the same at every run; without what differs: seconds, progress.
-PHOTOGRAPHS = {
-    "window_after_render": "still, locked", "window_cut": "plane_dragged", "window_dialogs": "choose_series",
-    "window_encoded": "2-refined", "window_figure": "viewport", "window_film": "08_slices",
-    "window_hidden": "value under the mouse", "window_import": "framed_persp", "window_look": "histogram_default",
-    "window_organs": "pet_in_ct", "window_panels": "labels", "window_presets": "thumbnails",
-    "window_segments": "without_table", "window_several": "label_files", "window_shadows": "picture",
-    "window_slices": "four_up", "window_trust": "12-file-found-again",
-    "window_turntable": "ended", "window_world": "slot 1 after the edit",
-}  # fmt: skip
 SHRUNK = 8  # pixels of a screen a side that one of a thumbnail stands for
 STATUS = 32  # pixels at the bottom, where Blender shows messages for some seconds
 

@@ -64,7 +64,8 @@ IDLE_THREADS = {
 }  # fmt: skip
 
 SLOW, DEEP, EXTRAS = "slow", "deep", "extras"  # marks of tests
-EVERY_BLENDER, OLDEST_BLENDER = "every_blender", "every_blender or oldest_blender"
+EVERY_BLENDER = f"every_blender and not {DEEP}"
+OLDEST_BLENDER = f"(every_blender or oldest_blender) and not {DEEP}"
 EXTRAS_STAGE = "VTK, VolPack, plots, DICOM"
 CLUSTER_STAGE = "Dask"
 REAL_BLENDER = "real-blender"

@@ -113,9 +113,10 @@ def test_a_narrow_transfer_function_is_what_pre_is_worst_at(subject):
 
 
 @pytest.mark.extras
-def test_a_sweep_is_plotted(measured, tmp_path):
+def test_a_sweep_is_plotted(subject, tmp_path):
     pytest.importorskip("matplotlib")
     image = pytest.importorskip("PIL.Image")
+    measured = page.measure(subject, False, OPTIONS, with_knobs=False)
     page.plot_sweep(measured[0], tmp_path / "a.png", ".png", "smoke")
     pixels = np.asarray(image.open(tmp_path / "a.png").convert("RGB"))
     assert min(pixels.shape[:2]) > 800 and len(np.unique(pixels.reshape(-1, 3), axis=0)) > 200

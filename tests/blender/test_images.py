@@ -200,6 +200,7 @@ def test_once_the_file_is_saved_the_working_color_space_can_change(volume, tmp_p
     It would accept a picture that is packed, or that has a file in a temporary folder.  But packed pixels are in the
     steps of undo, and a file takes 0.3 s for each 1920 x 1080 pixels at every edit of what a backdrop follows.
     """
+    scenes.use_cycles((40, 40))
     change = partial(bpy.ops.wm.set_working_color_space, working_space="ACEScg")
     for make in ("render_image", "composite"):
         assert getattr(bpy.ops.rle_splat, make)() == {"FINISHED"}

@@ -35,6 +35,7 @@ def without_noise(engine):
     scene.display.render_aa = "OFF"
 
 
+@pytest.mark.deep  # it compiles shaders for a quarter of a minute in each Blender; the newest has it in every run
 def test_B86_eevee(owner, tmp_path):
     without_noise("BLENDER_EEVEE" if bpy.app.version >= (5, 0) else "BLENDER_EEVEE_NEXT")
     bpy.ops.rle_splat.composite()

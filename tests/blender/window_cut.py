@@ -252,11 +252,11 @@ def check_slices(name):
         scene.render.engine, space.shading.type = engine, shading
         yield from settled()
         yield from photograph(f"slices_{shading.lower()}")
-        space.show_object_viewport_volume = False
-        yield
-        yield from photograph(f"slices_{shading.lower()}_alone")
-        space.show_object_viewport_volume = True
-    scene.render.engine, space.shading.type = "BLENDER_EEVEE", "MATERIAL"
+    space.shading.type = "SOLID"
+    space.show_object_viewport_volume = False
+    yield
+    yield from photograph("slices_alone")
+    space.show_object_viewport_volume = True
     one = next(one for one in bpy.data.objects if one.name.endswith("Axial"))
     scenes.activate(one)
     yield from settled()

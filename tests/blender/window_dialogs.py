@@ -193,11 +193,14 @@ def check_folder():
 
 
 def check_drop():
-    """The dialog of each file that may be dropped, and what is read after Return."""
+    """The dialog of a dropped file for each set of options that files have, and what is read after Return; the same
+    dialog has those of every format in ``check_import``."""
     dropped = module("operators.import_volume").RLE_SPLAT_FH_volume.bl_file_extensions.split(";")
     names = [name for name in (*FILES, ENCODED[0]) if Path(name).suffix in dropped]
     assert len(names) > 10
-    for name in names:
+    options = {FILES.get(name): name for name in names}
+    assert len(options) > 4
+    for name in options.values():
         yield from new_file()
         path = FOLDER / name
         drawn.clear()

@@ -44,8 +44,8 @@ def noting(name):
     except Compiles:
         compiling.append(name)
 """
-# Every case in small, orthographic with two of the stored types and in perspective with the others; and one of a scan's
-# usual size.
+# Every case with a small volume and picture, orthographic with two of the stored types and in perspective with the
+# others; and one of a scan's usual size.
 DRAW = """
 from dataclasses import replace
 from devtools import reference_pictures
@@ -53,6 +53,8 @@ from rle_splat import render
 from rle_splat.pipeline.prepare import STORED_TYPES
 
 reference_pictures.SIZES = dict.fromkeys(reference_pictures.SIZES, (48, 36))
+shells, smoke = reference_pictures.shells, reference_pictures.smoke
+reference_pictures.shells, reference_pictures.smoke = lambda _: shells(20), lambda _: smoke((16, 20, 24))
 for case in reference_pictures.effect_cases():
     volume = case.scene.volume
     several = volume.voxels.dtype == "uint8" and not case.scene.channels
@@ -72,9 +74,12 @@ with noting("256 voxels a side"):
 TOGETHER = """
 from dataclasses import replace
 from itertools import combinations
+from rle_splat.pipeline import prepare
 from rle_splat.pipeline.prepare import PICTURES, STORED_TYPES, picture_steps
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import RleSplatError
+
+prepare.SIDE = 24
 
 words = sorted({word for picture in PICTURES for word in picture.scene.split()})
 presets = [(quality, "post") for quality in ("draft", "standard", "fine", "strict")] + [("standard", "pre")]

@@ -36,9 +36,14 @@ def test_windows_are_skipped_with_the_reason_where_there_is_no_blender(monkeypat
 
 @pytest.mark.parametrize(("version", "backend", "code"), [((5, 2), None, 1), ((5, 3), None, 0), ((5, 2), "vulkan", 0)])
 def test_photographs_are_compared_last_where_those_approved_are_of_this_blender(monkeypatch, version, backend, code):
-    """A window whose photograph has changed, or is missing, fails the run."""
+    """A window whose photograph has changed, or is missing, fails the run.  Each is told which one is compared."""
+    compared = {}
 
     def run(blender, zips, script, *_):
+        return Stage(script.stem, passed=1)
+
+    def show(zips, script, *_, RLE_SPLAT_GOLDEN=None):
+        compared[script.stem] = RLE_SPLAT_GOLDEN
         return Stage(script.stem, passed=1)
 
     def compare(name, command, environ, log):
@@ -48,11 +53,12 @@ def test_photographs_are_compared_last_where_those_approved_are_of_this_blender(
     monkeypatch.setattr(real_blender_tests, "ensure_blender", lambda: None)
     monkeypatch.setattr(real_blender_tests, "find_blender", lambda: SimpleNamespace(version=version))
     monkeypatch.setattr(real_blender_tests, "_run", run)
-    monkeypatch.setattr(real_blender_tests, "window_stage", lambda zips, script, *_: Stage(script.stem, passed=1))
+    monkeypatch.setattr(real_blender_tests, "window_stage", show)
     monkeypatch.setattr(real_blender_tests, "counted", compare)
     found = real_blender_tests.real_blender_stages({}, backend=backend)
     assert len(found) == len(real_blender_tests.WINDOW_SCRIPTS) + 2 and found[-1].name == "photographs"
     assert (found[-1].failed, found[-1].verdict == "SKIPPED") == (code, not code)
+    assert {script: name for script, name in compared.items() if name} == real_blender_tests.PHOTOGRAPHS
 
 
 def test_each_script_that_drives_a_window_is_a_stage():
@@ -130,7 +136,8 @@ def test_each_test_runs_in_one_stage(stages):
     versions = [f"bpy {version}" for version in testing.BPY]
     assert all(str(TESTS / "blender") in runs[name][1] for name in versions)
     marked = [words[words.index("-m") + 1] if "-m" in words else "" for words in (runs[name][1] for name in versions)]
-    assert marked == ["every_blender or oldest_blender", "every_blender", "every_blender", ""]
+    every = "every_blender and not deep"
+    assert marked == ["(every_blender or oldest_blender) and not deep", every, every, ""]
     assert len(runs) == len(core) + len(versions) + 4
     assert {stage.name for stage in table} == {*runs, "extension zips", "real blender"}
 
@@ -174,7 +181,7 @@ def test_quick_says_what_it_leaves_out(stages):
     left_out = {stage.name for stage in table if stage.verdict == "SKIPPED"}
     assert left_out | set(runs) == set(stages(False)[0]) | {"real blender"}
     assert {"hard cases", "core, truths"} < left_out
-    assert "every_blender" in runs.pop("bpy 5.3")[1]
+    assert "every_blender and not deep" in runs.pop("bpy 5.3")[1]
     assert all("not slow" in words[words.index("-m") + 1] for _, words in runs.values())
 
 

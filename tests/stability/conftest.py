@@ -47,16 +47,19 @@ def pytest_sessionfinish():
 @pytest.hookimpl(tryfirst=True)  # before pytest leaves tests out by their marks
 def pytest_collection_modifyitems(items):
     """Leave to the deep tests what takes a kernel that is compiled for a few tests: sums in double precision of
-    opacities, and of groups of sheets; normals of two of the stored types.  Numpy, too, takes too long for the sheets
-    of sums in double precision."""
-    in_groups = ("test_A8_", "test_A9_", "test_A11_")
+    opacities, and of volumes that are classified after interpolation; normals of two of the stored types.  Numpy, too,
+    takes too long for the sheets of sums in double precision, but for the counts of test_A1 and the small pictures of
+    test_A13."""
     for item in items:
         given = item.callspec.params if hasattr(item, "callspec") else {}
-        if given.get("width") == "float64":
-            grouped = item.originalname.startswith(in_groups) and given["classification"] == "post"
-            if given.get("way") == "numpy" or grouped or given.get("model") == "opacity":
-                item.add_marker("deep")
-        if item.originalname.startswith("test_V8_") and given["way"] == "numba" and given.get("dtype") in RARE:
+        name, by_numpy = item.originalname, given.get("way") == "numpy"
+        in_double = given.get("width") == "float64" or name == "test_A13_single_and_double_width"
+        other = {"opacity", "post"} & {given.get(word) for word in ("model", "kind", "classification")}
+        other |= {"post"} if name.startswith("test_K5_") else set()
+        few = name.startswith(("test_A1_the_plan", "test_A13_single"))
+        if in_double and ("opacity" in other or (not few if by_numpy else other)):
+            item.add_marker("deep")
+        if name.startswith("test_V8_") and given["way"] == "numba" and given.get("dtype") in RARE:
             item.add_marker("deep")
 
 

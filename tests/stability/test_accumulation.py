@@ -102,12 +102,10 @@ def test_A1_thin_sheets_whose_optical_depths_add_up_to_one(record, model, count)
             record("A1", "color + T - 1 behind up to 1e7 sheets", gained, 1e-12, width, why=none)
 
 
-@pytest.mark.parametrize(
-    "model, classification",
-    (("extinction", "pre"), pytest.param("opacity", "pre", marks=pytest.mark.deep), ("extinction", "post")),
-)
-def test_A1_the_plan_counts_the_sheets(record, model, classification, way, monkeypatch):
-    """A column of more slices than float32 is good for, and one slice fewer; the reference implementation has a lower
+@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize("model, classification", (("extinction", "pre"), ("opacity", "pre"), ("extinction", "post")))
+def test_A1_the_plan_counts_the_sheets(record, model, classification, width, way, monkeypatch):
+    """A column of as many slices as float32 is good for, and one slice more; the reference implementation has a lower
     limit here, for it takes its time."""
     if way == "numpy":
         monkeypatch.setattr(pixel_block, "MOST_SHEETS_IN_SINGLE", 500)
@@ -117,16 +115,15 @@ def test_A1_the_plan_counts_the_sheets(record, model, classification, way, monke
     for module in ("scratch", "reference.sheet_buffer", "reference.scalar_sheets"):
         monkeypatch.setattr(f"rle_splat.splat.{module}.accumulator", lambda n: asked.append(n) or accumulator(n))
     # Records, lengths and the finished picture are float32 in either case: a few roundings in all.
-    for count, width, bound in ((most, SINGLE, most * ULP), (most + 1, DOUBLE, 4.0 * ULP)):
-        long = count - (classification == "post")  # half of the first slice and of the last are outside its box
-        alpha = np.float32(-math.expm1(-1.0 / long))
-        scene = from_above(np.ones((count, 4, 4), np.uint8), transfer(((0.0, 0.0), (1.0, float(alpha)))))
-        found = columns(scene, model=model, classification=classification)[1, 1]
-        assert set(asked) == {count}
-        asked.clear()
-        claim = f"error of A in a picture of {'no more' if width == SINGLE else 'more'} than {most} sheets"
-        exact = -math.expm1(long * math.log1p(-float(alpha)))
-        record("A1", claim, abs(float(found[3]) - exact), bound, width, why="another number of sheets")
+    count, bound = (most, most * ULP) if width == SINGLE else (most + 1, 4.0 * ULP)
+    long = count - (classification == "post")  # half of the first slice and of the last are outside its box
+    alpha = np.float32(-math.expm1(-1.0 / long))
+    scene = from_above(np.ones((count, 4, 4), np.uint8), transfer(((0.0, 0.0), (1.0, float(alpha)))))
+    found = columns(scene, model=model, classification=classification)[1, 1]
+    assert set(asked) == {count}
+    claim = f"error of A in a picture of {'no more' if width == SINGLE else 'more'} than {most} sheets"
+    exact = -math.expm1(long * math.log1p(-float(alpha)))
+    record("A1", claim, abs(float(found[3]) - exact), bound, width, why="another number of sheets")
 
 
 # --- A2, A3: the end of a ray ---------------------------------------------------------------------------------

@@ -18,8 +18,8 @@ from tests.ways import both
 ROOT = Path(__file__).resolve().parents[2]
 WITH_KERNELS = pytest.mark.skipif(not compiled(), reason="there are no kernels without numba")
 BITS = "bits are counted"
-OPACITIES = ("opacities",)
-BY_MODEL = {"extinction": tuple(name for name in SCENES if name not in OPACITIES), "opacity": OPACITIES}
+# Those that share kernels.
+ALIKE = {"pre": ("parallel", "inside"), "opacity": ("opacities",), "post": ("post",)}
 
 
 def elsewhere(folder, *arguments, python=sys.executable, **environ) -> dict[str, np.ndarray]:
@@ -76,9 +76,9 @@ def test_A13_another_processor(record, tmp_path):
 
 
 @WITH_KERNELS
-@pytest.mark.parametrize("model", BY_MODEL)
-def test_A13_kernels_and_their_reference_implementations(record, width, model):
-    fast, slow = both(lambda: pictures(BY_MODEL[model]))
+@pytest.mark.parametrize("kind", ALIKE)
+def test_A13_kernels_and_their_reference_implementations(record, width, kind):
+    fast, slow = both(lambda: pictures(ALIKE[kind]))
     for name in fast:
         error = float(np.abs(fast[name][..., :4] - slow[name][..., :4]).max())
         if name.startswith("post"):
@@ -88,11 +88,11 @@ def test_A13_kernels_and_their_reference_implementations(record, width, model):
             record("A13", "difference between kernels and their reference implementations", error, 1e-5, width)
 
 
-@pytest.mark.parametrize("model", ("extinction", pytest.param("opacity", marks=pytest.mark.deep)))
-def test_A13_single_and_double_width(record, monkeypatch, way, model):
-    single = pictures(BY_MODEL[model])
+@pytest.mark.parametrize("kind", ALIKE)
+def test_A13_single_and_double_width(record, monkeypatch, way, kind):
+    single = pictures(ALIKE[kind])
     monkeypatch.setattr(pixel_block, "MOST_SHEETS_IN_SINGLE", 0)
-    double = pictures(BY_MODEL[model])
+    double = pictures(ALIKE[kind])
     for name in single:
         error = float(np.abs(single[name][..., :4] - double[name][..., :4]).max())
         # T falls below its least, 1/1024, a sheet sooner or later.

@@ -349,7 +349,8 @@ def test_labels_with_channels_are_a_march_along_rays(stage):
 @pytest.mark.parametrize("light", ("unlit", *LIT))
 @pytest.mark.parametrize("depth_rule", ("midpoint-2", "preintegrated-1"))
 def test_kernels_draw_labels_with_channels_as_numpy_does(stage, depth_rule, light):
-    alone = organs(stage, None if light == "unlit" else Shade(0.2, 0.7, 0.3, 15.0), **LIT.get(light, {}))
+    shade = None if light == "unlit" else Shade(0.2, 0.7, 0.3, 15.0)
+    alone = organs(stage, shade, (20, 18), **LIT.get(light, {}))
     for scene in (with_channels(alone, holes=True), alone if depth_rule == "midpoint-2" else with_channels(alone)):
         for rays in (0.0, 1e-9):
             quality = fine(depth_rule=depth_rule, rays=rays)

@@ -244,7 +244,7 @@ def status(name):
     return next(1024 * int(line.split()[1]) for line in open("/proc/self/status") if line.startswith(name + ":"))
 
 cache, names = StageCache(most_bytes=1 << 24), itertools.cycle(PRESETS)
-scene = scene_of(noise(32), 64)
+scene = scene_of(noise(20), 64)
 kinds = ({}, {"mode": "mip"}, {"headlight": False, "lights": (Light("SUN"),), "volume_shadows": True})
 resident = []
 for number in range(300):

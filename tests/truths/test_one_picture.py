@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from rle_splat import Quality, Scene, fit_preset, read_volume, render, turntable
-
-from .head import head, reordered
-from .phantoms import ras
+from tests.read.head import head, reordered
+from tests.read.phantoms import ras
 
 SimpleITK = pytest.importorskip("SimpleITK")  # not in the benchmarks' environment
 
