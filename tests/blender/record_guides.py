@@ -265,7 +265,7 @@ def tutorial_of_organs():
     yield from settled()
     yield from keep("organs-3-slice")
     open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_labels", "RLE_SPLAT_PT_slices")
-    lamp("SUN", "Sun", 3.0, (0.2, -0.5, 0.15), angle=radians(3.0))
+    lamp("SUN", "Sun", 3.0, (0.0, -0.5, 0.3), angle=radians(3.0))
     lamp("AREA", "Rim", 8.0, (0.4, 0.4, 0.3), size=0.25, color=(0.62, 0.78, 1.0), use_shadow=False)
     ours.lighting, scene.rle_splat.ambient_occlusion, scene.rle_splat.quality = "SCENE", 0.7, "fine"
     camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
