@@ -17,7 +17,7 @@ from ..runtime.parallel import share_out
 from ..volume.axes import AXES
 from . import reference
 from .light_sheets import Sweep
-from .surface_points import STEPS, Points, onto_surface
+from .surface_points import FARTHEST, FURTHER, STEPS, Points, onto_surface
 
 LOOKED_UP_AT_ONCE = 1 << 19  # voxels that a worker looks up between two chances to cancel, 10 ms
 
@@ -57,77 +57,140 @@ def block_steps(
     if not compiled():
         reference.block_light(meshes, voxels, points, place, pyramid, share, beside, left)
         return
-    nearest = np.ascontiguousarray(meshes[..., 0])
-    seen = (read_only(nearest), read_only(meshes), float(nearest.min()))
+    nearest, furthest = (np.ascontiguousarray(meshes[..., sample]) for sample in (0, -1))
+    seen = (read_only(nearest), read_only(furthest), read_only(meshes))
+    limits = _limits(nearest, np.reshape(place, (4, 4)), np.asarray(matrix, np.float64)[:3, :3])
     lists = (read_only(voxels.row_start), read_only(voxels.column), tuple(points), voxels.shape_xyz[1])
     pieces = -(-len(voxels) // (LOOKED_UP_AT_ONCE * thread_count(threads)))
     ends = np.searchsorted(voxels.row_start, np.linspace(0, len(voxels), pieces + 1)).tolist()
     for piece, (first, last) in enumerate(pairwise(ends)):
         yield piece / pieces
         with parallel_call(threads):
-            _block(first, last - first, lists, seen, place, pyramid, np.float32(share), beside, left)
+            _block(first, last - first, lists, seen, limits, place, pyramid, np.float32(share), beside, left)
+
+
+def _limits(nearest, place, edges) -> np.ndarray:
+    """(n, 4) float64: a voxel that meshes may shade has a x + b y + c z + d >= 0 of each row.
+
+    Those before all meshes and beside the rectangle of the sheet that they cover are left out, with as much to spare as
+    a point is away from its voxel.
+    """
+    rows, columns = (np.flatnonzero(np.isfinite(nearest).any(axis=axis)) for axis in (1, 0))
+    found = [place[2], place[3] - (0.0, 0.0, 0.0, float(nearest.min()))]
+    for own, covered, count in ((0, columns, nearest.shape[1]), (1, rows, nearest.shape[0])):
+        if covered[0] > 1:  # points beyond the sheet are looked up on its border
+            found.append(place[own] - (covered[0] - 1.0) * place[2])
+        if covered[-1] < count - 2:
+            found.append((covered[-1] + 1.0) * place[2] - place[own])
+    limits = np.array(found)
+    furthest = FURTHER * FARTHEST * np.linalg.norm(edges) * np.linalg.norm(np.linalg.inv(edges), axis=1)
+    limits[:, 3] += np.abs(limits[:, :3]) @ furthest
+    return limits
 
 
 # --- kernels ----------------------------------------------------------------------------------------------------
 
 
 @kernel
-def _block(first, count, lists, seen, place, pyramid, share, beside, left):
+def _block(first, count, lists, seen, limits, place, pyramid, share, beside, left):
     """Kernel of ``block_steps`` for ``count`` rows from ``first`` on.
 
-    ``seen``: the first of each pixel's ``meshes``, these themselves, and the first of all.  ``place``: voxel to sheet,
-    16 numbers.  ``pyramid``: 0 of parallel light, else 1 or -1 where it opens upwards or downwards; its source; axes.
+    ``seen``: the first and the last of each pixel's ``meshes``, and these themselves.  ``limits``: of ``_limits``.
+    ``place``: voxel to sheet, 16 numbers.  ``pyramid``: 0 of parallel light, else 1 or -1 where it opens upwards or
+    downwards; its source; axes.
     """
-    share_out(_block_rows, count, (first, lists, seen, place, pyramid, share, beside, left))
+    share_out(_block_rows, count, (first, lists, seen, limits, place, pyramid, share, beside, left))
 
 
 @kernel(inner=True)
-def _block_rows(begin, end, first, lists, seen, place, pyramid, share, beside, left):
+def _block_rows(begin, end, first, lists, seen, limits, place, pyramid, share, beside, left):
     """``_block`` for some of them."""
     row_start, column, (normals, offsets, lamp), rows = lists
-    nearest, meshes, least = seen
+    nearest, furthest, meshes = seen
     up, source, axes = pyramid
-    height, width, samples = meshes.shape
-    edges = lamp[3]
-    half, one, whole = np.float32(0.5), np.float32(1.0), 1.0 / STEPS
+    height, width = nearest.shape
+    edges, half, one = lamp[3], np.float32(0.5), np.float32(1.0)
+    parts = np.empty(0, np.float32)
     for row in range(first + begin, first + end):
         y, z = np.float64(row % rows), np.float64(row // rows)
-        for v in range(row_start[row], row_start[row + 1]):
-            part = whole if beside else whole * onto_surface(normals, offsets, edges, v)
+        low, high = _between(limits, y, z)
+        at, stop = row_start[row], row_start[row + 1]
+        while at < stop and column[at] < low:
+            at += 1
+        while stop > at and column[stop - 1] > high:
+            stop -= 1
+        if low > high or at >= stop:
+            continue
+        if parts.size < stop - at:
+            parts = np.empty(stop - at, np.float32)
+        if beside:
+            parts[:] = one
+        else:
+            _find_parts(normals[at:stop], offsets[at:stop], edges, parts)
+        for v in range(at, stop):
+            part = (1.0 / STEPS) * parts[v - at]
             px, py, pz = column[v] + part * offsets[v, 0], y + part * offsets[v, 1], z + part * offsets[v, 2]
-            reached = place[12] * px + place[13] * py + place[14] * pz + place[15]
-            if reached <= least or not _within(up, source, axes, (px, py, pz)):
-                continue
-            w = place[8] * px + place[9] * py + place[10] * pz + place[11]
-            if w <= 0.0:
-                continue
-            x = (place[0] * px + place[1] * py + place[2] * pz + place[3]) / w
-            x = min(max(x, 0.0), width - 1.0)
-            across = (place[4] * px + place[5] * py + place[6] * pz + place[7]) / w
-            across = min(max(across, 0.0), height - 1.0)
-            i, j = min(np.int64(x), width - 2), min(np.int64(across), height - 2)
-            right, down = np.float32(x - i), np.float32(across - j)
-            blocked = np.float32(0.0)
-            for corner in range(4):
-                far, beyond = corner >> 1, corner & 1
-                if nearest[j + far, i + beyond] >= reached:
+            w = 1.0
+            if up != 0:
+                w = place[8] * px + place[9] * py + place[10] * pz + place[11]
+                if w <= 0.0 or not _within(up, source, axes, px, py, pz):
                     continue
-                met = 1
-                while met < samples and meshes[j + far, i + beyond, met] < reached:
-                    met += 1
-                weight = (down if far else one - down) * (right if beyond else one - right)
-                blocked += weight * np.float32(met)
-            left[v] -= np.uint16(blocked / np.float32(samples) * share + half)
+                w = 1.0 / w
+            depth = np.float32(place[12] * px + place[13] * py + place[14] * pz + place[15])
+            u = w * (place[0] * px + place[1] * py + place[2] * pz + place[3])
+            t = w * (place[4] * px + place[5] * py + place[6] * pz + place[7])
+            u, t = min(max(u, 0.0), width - 1.0), min(max(t, 0.0), height - 1.0)
+            i, j = min(np.int64(u), width - 2), min(np.int64(t), height - 2)
+            upper, lower = nearest[j], nearest[j + 1]
+            if min(min(upper[i], upper[i + 1]), min(lower[i], lower[i + 1])) >= depth:
+                continue
+            blocked, upper, lower = one, furthest[j], furthest[j + 1]
+            if max(max(upper[i], upper[i + 1]), max(lower[i], lower[i + 1])) >= depth:
+                right, down = np.float32(u - i), np.float32(t - j)
+                blocked = (one - down) * (
+                    (one - right) * _met(meshes[j, i], depth) + right * _met(meshes[j, i + 1], depth)
+                ) + down * ((one - right) * _met(meshes[j + 1, i], depth) + right * _met(meshes[j + 1, i + 1], depth))
+            left[v] -= np.uint16(blocked * share + half)
+
+
+@kernel(inner=True)
+def _find_parts(normals, offsets, edges, parts):
+    """``onto_surface`` of several voxels, to ``parts``."""
+    for i in range(len(normals)):
+        parts[i] = onto_surface(normals, offsets, edges, i)
 
 
 @inner_loop
-def _within(up, source, axes, point):
+def _between(limits, y, z):
+    """The first and the last x of a row (y, z) that keep all ``limits``."""
+    low, high = -1e300, 1e300
+    for k in range(limits.shape[0]):
+        slope, rest = limits[k, 0], limits[k, 1] * y + limits[k, 2] * z + limits[k, 3]
+        if slope > 0.0:
+            low = max(low, -rest / slope)
+        elif slope < 0.0:
+            high = min(high, -rest / slope)
+        elif rest < 0.0:
+            return 1.0, 0.0
+    return low, high
+
+
+@inner_loop
+def _met(depths, depth):
+    """Share of a pixel's rays that meet a mesh before a depth."""
+    met = 0
+    while met < depths.size and depths[met] < depth:
+        met += 1
+    return np.float32(met) / np.float32(depths.size)
+
+
+@inner_loop
+def _within(up, source, axes, x, y, z):
     """Whether a point is in the pyramid of rays from a source; one on the border is in that of the lowest axis."""
-    if up == 0:
-        return True
     a, b, c = axes
-    reach = up * (point[c] - source[c])
-    aside, along = abs(point[a] - source[a]), abs(point[b] - source[b])
+    dx, dy, dz = x - source[0], y - source[1], z - source[2]
+    reach = up * (dx if c == 0 else dy if c == 1 else dz)
+    aside, along = abs(dx if a == 0 else dy if a == 1 else dz), abs(dx if b == 0 else dy if b == 1 else dz)
     if reach <= 0.0 or aside > reach or along > reach:
         return False
     return (aside < reach or c < a) and (along < reach or c < b)

@@ -266,8 +266,6 @@ def onto_surface(normals, offsets, edges, i):
     wy = np.float32(edges[4]) * ox + np.float32(edges[5]) * oy + np.float32(edges[6]) * oz
     wz = np.float32(edges[8]) * ox + np.float32(edges[9]) * oy + np.float32(edges[10]) * oz
     square = wx * wx + wy * wy + wz * wz
-    if square == _ZERO:
-        return _ZERO
     mx, my, mz = np.float32(normals[i, 0]), np.float32(normals[i, 1]), np.float32(normals[i, 2])
     trust = min(np.sqrt(mx * mx + my * my + mz * mz) * np.float32(1.0 / (ONE * TRUSTED)), _ONE)
     trust = trust * trust * (_THREE - _TWO * trust)
@@ -276,7 +274,7 @@ def onto_surface(normals, offsets, edges, i):
         + abs(wx * np.float32(edges[1]) + wy * np.float32(edges[5]) + wz * np.float32(edges[9]))
         + abs(wx * np.float32(edges[2]) + wy * np.float32(edges[6]) + wz * np.float32(edges[10]))
     )
-    return max(np.float32(1.0 / FURTHER) - trust * np.float32(STEPS) * width / square, _ZERO)
+    return max(np.float32(1.0 / FURTHER) - trust * np.float32(STEPS) * width / max(square, _TINY), _ZERO)
 
 
 @kernel
