@@ -20,6 +20,7 @@ from ..encode.encode import fetch_chunks
 from ..encode.pooling import pool_steps
 from ..encode.scalars import in_scanlines, scalar_table_steps
 from ..runtime.array_hash import hash_array
+from ..runtime.buffer_pool import empty
 from ..runtime.steps import map_steps
 from ..shade.light_nodes import lit_nodes_steps, shade_nodes_steps
 from ..shade.light_rays import Bricks, Cuts, trace_steps
@@ -318,7 +319,8 @@ def unblocked_steps(passes: list[list[Sweep]], weights, occluders: Occluders, po
         if meshes is None:
             continue
         if len(left) == 0:
-            left = np.full(len(occluders.voxels), FULL, np.uint16)
+            left = empty(len(occluders.voxels), np.uint16)
+            left[:] = FULL
         given = sweep, meshes, occluders.voxels, points, occluders.matrix, share, beside, left
         steps = block_steps(*given, threads=occluders.threads)
         yield from map_steps(steps, lambda fraction, done=done: (done + fraction) / len(sweeps))
