@@ -412,7 +412,7 @@ def _sweep_steps(sweeps: list[Sweep], occluders: Occluders):
 def _meshes_before(sweep: Sweep, occluders: Occluders) -> np.ndarray | None:
     """(height, width, samples) float32 slices, ascending, from the sweep's first to the meshes on the light's rays,
     as ``sweep_light`` takes them; None when no mesh shades any of the voxels."""
-    if not occluders.has_meshes:
+    if occluders.triangles is None or len(occluders.triangles) == 0:
         return None
     corners = np.concatenate((occluders.triangles, np.ones((*occluders.triangles.shape[:2], 1))), axis=2)
     placed = corners @ sweep.to_sheet.T

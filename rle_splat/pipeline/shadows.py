@@ -94,9 +94,7 @@ def traced_steps(scene: Scene, occluders: Occluders, points, points_key, job: Jo
     return found
 
 
-def arriving_steps(
-    scene: Scene, occluders: Occluders, job: Job, clock: Clock, side: int = 0, points=None, points_key=()
-):
+def arriving_steps(scene: Scene, occluders: Occluders, job: Job, clock: Clock, side: int, points, points_key):
     """Generator of fractions done: what arrives of a scene's lights.
 
     ``side``: 0 for the light at voxels; else voxels from node to node of the grids of light, and ``points`` and
@@ -125,8 +123,8 @@ def arriving_steps(
         return (yield from find_lamp_steps(*light_passes(light, blocking, nodes=side > 0, sharp=side > 1), blocking))
 
     def left_steps(light: Light):
-        passes = light_passes(light, occluders, nodes=True, sharp=side > 1)
-        return (yield from unblocked_steps(*passes, occluders, points(light)))
+        passes, weights = light_passes(light, occluders, nodes=True, sharp=side > 1)
+        return (yield from unblocked_steps(passes, weights, occluders, points(light)))
 
     def ambient_steps():
         blocking = yield from blocking_steps()
@@ -166,7 +164,7 @@ def _add_ambient_steps(found: list[Arriving], scene: Scene, key, find_steps, job
 
 def shadow_steps(scene: Scene, occluders: Occluders, job: Job, clock: Clock):
     """Generator of fractions done: the Shadows of a scene's lights, a headlight behind them, and their key."""
-    found = yield from arriving_steps(scene, occluders, job, clock)
+    found = yield from arriving_steps(scene, occluders, job, clock, 0, None, ())
     row_of = np.full(len(scene.lights) + scene.headlight + 1, -1, np.int64)
     row_of[casting(scene)] = np.arange(len(casting(scene)))
     if scene.ambient_occlusion > 0.0:
