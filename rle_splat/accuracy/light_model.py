@@ -1,7 +1,7 @@
 """The light of post-classified pictures (docs/explanation/light.md) by brute force, in float64.
 
 A voxel has a vector m, the unit normal that points to where extinction falls times the trust in it, the share T of each
-lamp that arrives at a point x' beside it and that meshes leave at the surface, and O of the ambient light.  They are
+lamp that arrives at a point x' beside it and that meshes leave at the voxel, and O of the ambient light.  They are
 interpolated trilinearly.  The color of a point with the transfer function's color c is then
 
     c * L + H,  L = w S + (1 - w) C,  H = w sum over lamps of specular ramp(n.l) highlight I T,
@@ -158,10 +158,9 @@ class PostLight:
         m, beside = self.surfaces(z, y, x)
         casting = [self._scene.lights[number] for number in self._casting]
         index = np.stack((x, y, z), axis=1).astype(np.float64)
-        surface = self._surface_of(index, m, beside)
-        found = [*m.T, *(self._tracer.towards(one, self._lamp_side(one, index, m, beside), surface) for one in casting)]
+        found = [*m.T, *(self._tracer.towards(one, self._lamp_side(one, index, m, beside), index) for one in casting)]
         if self._indirect:
-            found += [self._tracer.scattered(light, beside, surface) for light in casting]
+            found += [self._tracer.scattered(light, beside, index) for light in casting]
         if self._opened:
             found.append(1.0 - self._scene.ambient_occlusion * (1.0 - self._tracer.openness(beside)))
         return np.stack(found, axis=1)
@@ -192,14 +191,6 @@ class PostLight:
         t = 1.0 - _dot(m, m) * smoothstep(-FACING, FACING, _dot(m, direction))
         t *= smoothstep(0.0, LEAST**2, _dot(m, m))  # flat values keep their own shade
         return (1.0 - t) * beside + t * towards
-
-    def _surface_of(self, index, m, beside) -> np.ndarray:
-        """(N, 3) points from which meshes block light: a width back from ``beside``, but not behind the voxel."""
-        away = np.einsum("ni,ji->nj", beside - index, self._matrix[:3, :3])
-        length = np.linalg.norm(away, axis=1)
-        width = smoothstep(0.0, TRUSTED, np.linalg.norm(m, axis=1)) * voxel_width(unit(away), self._matrix)
-        rest = np.maximum(length / FURTHER - width, 0.0) / np.where(length > 0.0, length, 1.0)
-        return index + rest[:, None] * (beside - index)
 
     def _shown_around(self, volume, function, z, y, x):
         """(N,) mean extinction over the values from the smallest to the largest of the 27 voxels around."""

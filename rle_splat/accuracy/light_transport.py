@@ -57,25 +57,25 @@ class Tracer:
         self._extinction = lookups[0] if len(lookups) == 1 else lambda number: sum(one(number) for one in lookups)
         self._meshes = None if scene.triangles is None or len(scene.triangles) == 0 else Meshes(scene.triangles)
 
-    def towards(self, light: Light, index: np.ndarray, surface=None) -> np.ndarray:
+    def towards(self, light: Light, index: np.ndarray, own=None) -> np.ndarray:
         """(N,) share of a light that arrives at (N, 3) positions.
 
-        Meshes block it from ``surface`` (N, 3) on; by default from the positions themselves.
+        Meshes block it from ``own`` (N, 3) on; by default from the positions themselves.
 
         A light that is not a point is the mean over POINTS of its disk: a sun's angle, a lamp's sphere as seen from
         the middle of the volume, or the points of an area.  The renderer has the same where it traces light, else up
         to 8 (``shade.light_samples``).
         """
-        return np.exp(-self._depths_towards(light, index, surface, OPAQUE)).mean(axis=0)
+        return np.exp(-self._depths_towards(light, index, own, OPAQUE)).mean(axis=0)
 
-    def scattered(self, light: Light, index: np.ndarray, surface=None) -> np.ndarray:
+    def scattered(self, light: Light, index: np.ndarray, own=None) -> np.ndarray:
         """(N,) share of a light that arrives scattered at (N, 3) positions: the mean of the octaves SCATTERED by their
-        weights (Wrenninge et al. 2013).  ``surface`` as of ``towards``."""
-        depths = self._depths_towards(light, index, surface, OPAQUE * 2.0 ** max(SCATTERED))
+        weights (Wrenninge et al. 2013).  ``own`` as of ``towards``."""
+        depths = self._depths_towards(light, index, own, OPAQUE * 2.0 ** max(SCATTERED))
         weights = [2.0**-n for n in SCATTERED]
         return sum(weight * np.exp(-weight * depths).mean(axis=0) for weight in weights) / sum(weights)
 
-    def _depths_towards(self, light: Light, index, surface, opaque: float) -> np.ndarray:
+    def _depths_towards(self, light: Light, index, own, opaque: float) -> np.ndarray:
         """(M, N) optical depth from (N, 3) positions to each of M points of a light; infinite behind meshes."""
         targets, parallel = _targets(light, self._center), light.type == "SUN"
 
@@ -86,7 +86,7 @@ class Tracer:
 
         begins = self._world(index)
         depths = self._depths(*rays(begins), opaque)
-        self._block(depths, *rays(begins if surface is None else self._world(surface)))
+        self._block(depths, *rays(begins if own is None else self._world(own)))
         return depths
 
     def openness(self, index: np.ndarray) -> np.ndarray:

@@ -2,7 +2,7 @@
 
 It does not depend on the view.  It is FULL (light_sweep.py) times the share that arrives at each voxel itself, or at
 each node of a grid, from which it is read beside voxels, where a surface does not shade itself.  What meshes leave of
-lamps is then looked up apart, at the surface, so that what touches it shades it.
+lamps is then looked up apart, at the voxels, so that what touches a surface shades it.
 The extinction that casts shadows is that of the voxels, interpolated, whatever the classification; for a coarser grid,
 means of it.
 """
@@ -295,7 +295,7 @@ def scattered_light_steps(passes: list[list[Sweep]], weights, occluders: Occlude
 
 
 def unblocked_steps(passes: list[list[Sweep]], weights, occluders: Occluders, points: Points, beside: bool = False):
-    """Generator of fractions done: what meshes leave of a light, looked up at the surfaces of voxels.
+    """Generator of fractions done: what meshes leave of a light, looked up at voxels.
 
     Parameters
     ----------
@@ -304,7 +304,7 @@ def unblocked_steps(passes: list[list[Sweep]], weights, occluders: Occluders, po
     points : Points
         Beside the voxels of ``occluders``.
     beside : bool
-        Whether light is looked up at these points, in place of the surface.
+        Whether light is looked up at these points, in place of the voxels.
 
     Returns
     -------

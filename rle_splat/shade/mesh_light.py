@@ -1,8 +1,8 @@
 """What meshes leave of the light of a lamp at voxels, looked up in the depth of the meshes as the lamp sees them.
 
 The sheet of a sweep (``light_sheets``) is that picture: each pixel has several rays of light, and each ray the slice
-at which it first meets a mesh.  A voxel looks itself up, between four pixels, at the point where its surface begins:
-so a mesh that touches the surface casts its shadow there, and one below the surface does not show through.
+at which it first meets a mesh.  A voxel looks itself up between four pixels, and not the point beside it where the
+shadows of voxels begin: so a mesh that touches a surface casts its shadow on it.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from ..runtime.parallel import share_out
 from ..volume.axes import AXES
 from . import reference
 from .light_sheets import Sweep
-from .surface_points import FARTHEST, FURTHER, STEPS, Points, onto_surface
+from .surface_points import FARTHEST, FURTHER, STEPS, Points
 
 LOOKED_UP_AT_ONCE = 1 << 19  # voxels that a worker looks up between two chances to cancel, 10 ms
 
@@ -42,7 +42,7 @@ def block_steps(
     share : int
         What the light gives to a voxel that no mesh shades.
     beside : bool
-        Whether light is looked up at the points off the surface, in place of the surface.
+        Whether light is looked up at these points, in place of the voxels.
     left : (m,) ndarray of uint16
         Updated: ``share`` times the light that is blocked, rounded, is subtracted.
     threads : int
@@ -60,7 +60,7 @@ def block_steps(
     nearest, furthest = (np.ascontiguousarray(meshes[..., sample]) for sample in (0, -1))
     seen = (read_only(nearest), read_only(furthest), read_only(meshes))
     limits = _limits(nearest, np.reshape(place, (4, 4)), np.asarray(matrix, np.float64)[:3, :3])
-    lists = (read_only(voxels.row_start), read_only(voxels.column), tuple(points), voxels.shape_xyz[1])
+    lists = (read_only(voxels.row_start), read_only(voxels.column), points.offsets, voxels.shape_xyz[1])
     pieces = -(-len(voxels) // (LOOKED_UP_AT_ONCE * thread_count(threads)))
     ends = np.searchsorted(voxels.row_start, np.linspace(0, len(voxels), pieces + 1)).tolist()
     for piece, (first, last) in enumerate(pairwise(ends)):
@@ -105,12 +105,11 @@ def _block(first, count, lists, seen, limits, place, pyramid, share, beside, lef
 @kernel(inner=True)
 def _block_rows(begin, end, first, lists, seen, limits, place, pyramid, share, beside, left):
     """``_block`` for some of them."""
-    row_start, column, (normals, offsets, lamp), rows = lists
+    row_start, column, offsets, rows = lists
     nearest, furthest, meshes = seen
     up, source, axes = pyramid
     height, width = nearest.shape
-    edges, half, one = lamp[3], np.float32(0.5), np.float32(1.0)
-    parts = np.empty(0, np.float32)
+    step, half, one = 1.0 / STEPS, np.float32(0.5), np.float32(1.0)
     for row in range(first + begin, first + end):
         y, z = np.float64(row % rows), np.float64(row // rows)
         low, high = _between(limits, y, z)
@@ -121,15 +120,10 @@ def _block_rows(begin, end, first, lists, seen, limits, place, pyramid, share, b
             stop -= 1
         if low > high or at >= stop:
             continue
-        if parts.size < stop - at:
-            parts = np.empty(stop - at, np.float32)
-        if beside:
-            parts[:] = one
-        else:
-            _find_parts(normals[at:stop], offsets[at:stop], edges, parts)
         for v in range(at, stop):
-            part = (1.0 / STEPS) * parts[v - at]
-            px, py, pz = column[v] + part * offsets[v, 0], y + part * offsets[v, 1], z + part * offsets[v, 2]
+            px, py, pz = np.float64(column[v]), y, z
+            if beside:
+                px, py, pz = px + step * offsets[v, 0], py + step * offsets[v, 1], pz + step * offsets[v, 2]
             w = 1.0
             if up != 0:
                 w = place[8] * px + place[9] * py + place[10] * pz + place[11]
@@ -151,13 +145,6 @@ def _block_rows(begin, end, first, lists, seen, limits, place, pyramid, share, b
                     (one - right) * _met(meshes[j, i], depth) + right * _met(meshes[j, i + 1], depth)
                 ) + down * ((one - right) * _met(meshes[j + 1, i], depth) + right * _met(meshes[j + 1, i + 1], depth))
             left[v] -= np.uint16(blocked * share + half)
-
-
-@kernel(inner=True)
-def _find_parts(normals, offsets, edges, parts):
-    """``onto_surface`` of several voxels, to ``parts``."""
-    for i in range(len(normals)):
-        parts[i] = onto_surface(normals, offsets, edges, i)
 
 
 @inner_loop

@@ -342,22 +342,12 @@ def _towards_lamp(points, index) -> np.ndarray:
     return np.clip(offsets + t[:, None] * (p - offsets), -32767.0, 32767.0)
 
 
-def _onto_surface(points) -> np.ndarray:
-    """(m,) part of each offset, as ``surface_points.onto_surface``."""
-    edges = np.reshape(points.lamp[3], (3, 4))[:, :3]
-    way = points.offsets @ edges.T
-    square = np.einsum("ni,ni->n", way, way)
-    trust = smoothstep(np.linalg.norm(points.normals.astype(np.float64), axis=1) / (ONE * 0.3))
-    lost = trust * STEPS * np.abs(way @ edges).sum(axis=1)
-    return np.maximum(1.0 / 1.125 - np.divide(lost, square, out=np.full(len(way), np.inf), where=square > 0.0), 0.0)
-
-
 def block_light(meshes, voxels, points, place, pyramid, share: int, beside: bool, left) -> None:
     """Take from voxels what meshes block, as ``mesh_light._block``."""
     (up, source, (*_, c)), n_y = pyramid, voxels.shape_xyz[1]
     row = np.searchsorted(voxels.row_start, np.arange(len(voxels)), side="right") - 1
     at = np.stack((voxels.column.astype(np.float64), row % n_y, row // n_y), axis=1)
-    at += (1.0 if beside else _onto_surface(points)[:, None]) * points.offsets / STEPS
+    at += beside * points.offsets / STEPS
     x, y, w, reached = np.reshape(place, (4, 4)) @ np.vstack((at.T, np.ones(len(at))))
     own = w > 0.0
     if up:

@@ -257,26 +257,6 @@ def towards_lamp(lamp, row, x, normals, offsets, i):
     )
 
 
-@inner_loop
-def onto_surface(normals, offsets, edges, i):
-    """How much of the offset of voxel number ``i`` leads to where its surface begins, one width before x'; ``edges``:
-    index to world, three rows of four."""
-    ox, oy, oz = np.float32(offsets[i, 0]), np.float32(offsets[i, 1]), np.float32(offsets[i, 2])
-    wx = np.float32(edges[0]) * ox + np.float32(edges[1]) * oy + np.float32(edges[2]) * oz
-    wy = np.float32(edges[4]) * ox + np.float32(edges[5]) * oy + np.float32(edges[6]) * oz
-    wz = np.float32(edges[8]) * ox + np.float32(edges[9]) * oy + np.float32(edges[10]) * oz
-    square = wx * wx + wy * wy + wz * wz
-    mx, my, mz = np.float32(normals[i, 0]), np.float32(normals[i, 1]), np.float32(normals[i, 2])
-    trust = min(np.sqrt(mx * mx + my * my + mz * mz) * np.float32(1.0 / (ONE * TRUSTED)), _ONE)
-    trust = trust * trust * (_THREE - _TWO * trust)
-    width = (
-        abs(wx * np.float32(edges[0]) + wy * np.float32(edges[4]) + wz * np.float32(edges[8]))
-        + abs(wx * np.float32(edges[1]) + wy * np.float32(edges[5]) + wz * np.float32(edges[9]))
-        + abs(wx * np.float32(edges[2]) + wy * np.float32(edges[6]) + wz * np.float32(edges[10]))
-    )
-    return max(np.float32(1.0 / FURTHER) - trust * np.float32(STEPS) * width / max(square, _TINY), _ZERO)
-
-
 @kernel
 def _place(
     first, count, vectors, steepness, stored, slope, intercept, ranges, row_start, column, shape_xyz, covector, matrix,
