@@ -85,7 +85,7 @@ def test_a_plate_on_a_wall_darkens_it_as_far_as_geometry_says(quality, way, indi
 @pytest.mark.parametrize("quality", QUALITIES)
 @pytest.mark.parametrize("depth", [0.0, 0.5, 1.0])
 def test_a_mesh_in_the_surface_or_below_it_leaves_no_specks(quality, depth):
-    """A sheet up to a voxel below the wall's surface: the wall around it stays as it is, that before it wavers by 5 %."""
+    """A sheet up to a voxel below the wall's surface: the wall around stays as it is, and wavers by 5 % before it."""
     heights = np.full(4, SURFACE - depth)
     corners = np.stack(((NEAR, FAR, FAR, NEAR), (9.2, 9.2, 38.4, 38.4), heights), axis=1)
     sheet = corners[[[0, 1, 2], [0, 2, 3]]]
