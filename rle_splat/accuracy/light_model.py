@@ -1,8 +1,8 @@
 """The light of post-classified pictures (docs/explanation/light.md) by brute force, in float64.
 
 A voxel has a vector m, the unit normal that points to where extinction falls times the trust in it, the share T of each
-lamp that arrives at a point x' beside it, and O of the ambient light.  They are interpolated trilinearly.  The color of
-a point with the transfer function's color c is then
+lamp that arrives at a point x' beside it and that meshes leave at the voxel, and O of the ambient light.  They are
+interpolated trilinearly.  The color of a point with the transfer function's color c is then
 
     c * L + H,  L = w S + (1 - w) C,  H = w sum over lamps of specular ramp(n.l) highlight I T,
     S = (ambient + diffuse world(n)) O + sum over lamps of diffuse I ((1 - q) wrap(n.l) T + q spread(n.l) U),
@@ -158,9 +158,9 @@ class PostLight:
         m, beside = self.surfaces(z, y, x)
         casting = [self._scene.lights[number] for number in self._casting]
         index = np.stack((x, y, z), axis=1).astype(np.float64)
-        found = [*m.T, *(self._tracer.towards(one, self._lamp_side(one, index, m, beside)) for one in casting)]
+        found = [*m.T, *(self._tracer.towards(one, self._lamp_side(one, index, m, beside), index) for one in casting)]
         if self._indirect:
-            found += [self._tracer.scattered(light, beside) for light in casting]
+            found += [self._tracer.scattered(light, beside, index) for light in casting]
         if self._opened:
             found.append(1.0 - self._scene.ambient_occlusion * (1.0 - self._tracer.openness(beside)))
         return np.stack(found, axis=1)

@@ -57,42 +57,52 @@ class Tracer:
         self._extinction = lookups[0] if len(lookups) == 1 else lambda number: sum(one(number) for one in lookups)
         self._meshes = None if scene.triangles is None or len(scene.triangles) == 0 else Meshes(scene.triangles)
 
-    def towards(self, light: Light, index: np.ndarray) -> np.ndarray:
+    def towards(self, light: Light, index: np.ndarray, own=None) -> np.ndarray:
         """(N,) share of a light that arrives at (N, 3) positions.
+
+        Meshes block it from ``own`` (N, 3) on; by default from the positions themselves.
 
         A light that is not a point is the mean over POINTS of its disk: a sun's angle, a lamp's sphere as seen from
         the middle of the volume, or the points of an area.  The renderer has the same where it traces light, else up
         to 8 (``shade.light_samples``).
         """
-        return np.exp(-self._depths_towards(light, index, OPAQUE)).mean(axis=0)
+        return np.exp(-self._depths_towards(light, index, own, OPAQUE)).mean(axis=0)
 
-    def scattered(self, light: Light, index: np.ndarray) -> np.ndarray:
+    def scattered(self, light: Light, index: np.ndarray, own=None) -> np.ndarray:
         """(N,) share of a light that arrives scattered at (N, 3) positions: the mean of the octaves SCATTERED by their
-        weights (Wrenninge et al. 2013)."""
-        depths = self._depths_towards(light, index, OPAQUE * 2.0 ** max(SCATTERED))
+        weights (Wrenninge et al. 2013).  ``own`` as of ``towards``."""
+        depths = self._depths_towards(light, index, own, OPAQUE * 2.0 ** max(SCATTERED))
         weights = [2.0**-n for n in SCATTERED]
         return sum(weight * np.exp(-weight * depths).mean(axis=0) for weight in weights) / sum(weights)
 
-    def _depths_towards(self, light: Light, index, opaque: float) -> np.ndarray:
+    def _depths_towards(self, light: Light, index, own, opaque: float) -> np.ndarray:
         """(M, N) optical depth from (N, 3) positions to each of M points of a light; infinite behind meshes."""
-        start, targets, parallel = self._world(index), _targets(light, self._center), light.type == "SUN"
-        directions = [np.broadcast_to(target, start.shape) if parallel else target - start for target in targets]
-        lengths = [np.full(len(start), np.inf) if parallel else np.linalg.norm(way, axis=1) for way in directions]
-        return self._depths(start, [unit(way) for way in directions], lengths, opaque)
+        targets, parallel = _targets(light, self._center), light.type == "SUN"
+
+        def rays(start):
+            directions = [np.broadcast_to(target, start.shape) if parallel else target - start for target in targets]
+            lengths = [np.full(len(start), np.inf) if parallel else np.linalg.norm(way, axis=1) for way in directions]
+            return start, [unit(way) for way in directions], lengths
+
+        begins = self._world(index)
+        depths = self._depths(*rays(begins), opaque)
+        self._block(depths, *rays(begins if own is None else self._world(own)))
+        return depths
 
     def openness(self, index: np.ndarray) -> np.ndarray:
         """O: (N,) mean transmittance from (N, 3) positions over the directions of SKY."""
         start = self._world(index)
         directions = [np.broadcast_to(towards, start.shape) for towards in SKY]
-        depths = self._depths(start, directions, [np.full(len(start), np.inf)] * len(SKY), OPAQUE)
+        rays = start, directions, [np.full(len(start), np.inf)] * len(SKY)
+        depths = self._depths(*rays, OPAQUE)
+        self._block(depths, *rays)
         return np.einsum("k,kn->n", SKY_WEIGHTS, np.exp(-depths))
 
     def _world(self, index):
         return np.einsum("ni,ji->nj", index, self._matrix[:3, :3]) + self._matrix[:3, 3]
 
     def _depths(self, start, directions, lengths, opaque: float) -> np.ndarray:
-        """(K, N) optical depth, not followed beyond ``opaque``, from world points (N, 3) along rays of K directions;
-        infinite behind meshes.
+        """(K, N) optical depth, not followed beyond ``opaque``, from world points (N, 3) along rays of K directions.
 
         ``directions``, ``lengths``: for each, unit vectors (N, 3) and world lengths (N,).
         """
@@ -103,11 +113,13 @@ class Tracer:
         for first in range(0, count, RAYS_AT_ONCE):  # of all directions, as short arrays take longer
             part = slice(first, first + RAYS_AT_ONCE)
             depth[part] = self._depth(rays[part], length[part], opaque)
-        depth = depth.reshape(len(directions), -1)
+        return depth.reshape(len(directions), -1)
+
+    def _block(self, depths, start, directions, lengths) -> None:
+        """Make ``depths`` (K, N) infinite behind meshes; rays as of ``_depths``."""
         if self._meshes is not None:
-            for one, *ray in zip(depth, directions, lengths):
+            for one, *ray in zip(depths, directions, lengths):
                 one[self._meshes.block(start, *ray)] = np.inf
-        return depth
 
     def _depth(self, rays: WorldRays, length, opaque: float) -> np.ndarray:
         """(N,) optical depth of rays over a world length (N,); all rays go on by one cell at a time."""
@@ -245,7 +257,7 @@ class Meshes:
                 u = over * np.einsum("ni,ni->n", across, away)
                 v = over * np.einsum("ni,ni->n", turned, direction)
                 at = over * np.einsum("ni,i->n", turned, two)
-            met |= (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (at > 0.0) & (at < length)
+                met |= (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (at > 0.0) & (at < length)
         return met
 
 

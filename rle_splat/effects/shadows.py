@@ -1,10 +1,13 @@
 """Shadows of the volume and of meshes, and ambient occlusion: the share of each light that arrives.
 
 It does not depend on the view.  It is FULL (light_sweep.py) times the share that arrives at each voxel itself, or at
-each node of a grid, from which it is read beside voxels, where a surface does not shade itself.
+each node of a grid, from which it is read beside voxels, where a surface does not shade itself.  What meshes leave of
+lamps is then looked up apart, at the voxels, so that what touches a surface shades it.
 The extinction that casts shadows is that of the voxels, interpolated, whatever the classification; for a coarser grid,
 means of it.
 """
+
+from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
@@ -17,12 +20,14 @@ from ..encode.encode import fetch_chunks
 from ..encode.pooling import pool_steps
 from ..encode.scalars import in_scanlines, scalar_table_steps
 from ..runtime.array_hash import hash_array
+from ..runtime.buffer_pool import empty
 from ..runtime.steps import map_steps
-from ..shade.light_nodes import lit_nodes_steps, read_nodes_steps, shade_nodes_steps
+from ..shade.light_nodes import lit_nodes_steps, shade_nodes_steps
 from ..shade.light_rays import Bricks, Cuts, trace_steps
 from ..shade.light_samples import SKY_DIRECTIONS, SKY_WEIGHTS, fixed_samples, light_samples
 from ..shade.light_sheets import Sweep, point_sweeps, sun_sweeps
 from ..shade.light_sweep import FULL, sweep_light
+from ..shade.mesh_light import block_steps
 from ..shade.sample_light import OCTAVES, ONE
 from ..shade.surface_points import Points, faces_of
 from .clip_cover import cover_steps
@@ -89,6 +94,14 @@ class Occluders:
     def voxel(self) -> float:
         """World length of the side of a cube of the same size as a voxel."""
         return float(np.cbrt(abs(np.linalg.det(self.matrix[:3, :3]))))
+
+    @property
+    def has_meshes(self) -> bool:
+        return self.triangles is not None and len(self.triangles) > 0
+
+    @property
+    def without_meshes(self) -> Occluders:
+        return replace(self, triangles=None)
 
     def extinction_steps(self):
         """Generator of fractions done: (m,) float32 extinction that clip objects keep of each voxel, 1 / world length,
@@ -257,7 +270,7 @@ def scattered_light_steps(passes: list[list[Sweep]], weights, occluders: Occlude
     It passes several times as much: of a path that transmits t, t to the power of each of OCTAVES arrives.
 
     The least power is swept, by paths that are as much shorter, because a share of 16 bits loses all but one octave of
-    what is nearly dark; its powers are looked up.  What meshes leave of the light is swept alone, as they scatter none.
+    what is nearly dark; its powers are looked up.
 
     Returns
     -------
@@ -268,31 +281,54 @@ def scattered_light_steps(passes: list[list[Sweep]], weights, occluders: Occlude
     least, code = powers[-1], np.arange(FULL + 1.0) / FULL
     direct, *others = (code ** (power / least) for power in powers)
     arriving = np.stack((direct, np.average(others, axis=0, weights=factors[1:])))
-    meshless, has_meshes = replace(occluders, triangles=None), occluders.triangles is not None
     total = None
     for n, (sweeps, share) in enumerate(zip(passes, _shares(weights))):
-        of_code = (share * arriving).astype(np.float32)
+        of_code = np.rint(share * arriving).astype(np.uint16)
         paths = [replace(sweep, length=least**2 * sweep.length) for sweep in sweeps]
-        found = yield from map_steps(node_light_steps([paths], [1.0], meshless), lambda d, n=n: (n + d) / len(passes))
-        left = None
-        if has_meshes and len(occluders.triangles):
-            cleared = node_light_steps([[replace(sweep, length=np.zeros(6)) for sweep in sweeps]], [1.0], occluders)
-            left = yield from map_steps(cleared, lambda _, n=n: (n + 1) / len(passes))
+        found = yield from map_steps(node_light_steps([paths], [1.0], occluders), lambda d, n=n: (n + d) / len(passes))
         if total is None:
             total = np.zeros((2, *found.shape), np.uint16)
         for layer, codes in enumerate(found):
             yield (n + 1) / len(passes)
-            arrives = of_code[:, codes]
-            if left is not None:
-                arrives *= left[layer] / np.float32(FULL)
-            total[:, layer] += np.rint(arrives).astype(np.uint16)
+            total[:, layer] += of_code[:, codes]
     return total
+
+
+def unblocked_steps(passes: list[list[Sweep]], weights, occluders: Occluders, points: Points, beside: bool = False):
+    """Generator of fractions done: what meshes leave of a light, looked up at voxels.
+
+    Parameters
+    ----------
+    passes, weights
+        As ``light_passes`` returns them, for a grid of any resolution.
+    points : Points
+        Beside the voxels of ``occluders``.
+    beside : bool
+        Whether light is looked up at these points, in place of the voxels.
+
+    Returns
+    -------
+    (m,) ndarray of uint16
+        FULL times the share that is left; of length 0 where that is all of it.
+    """
+    left = np.zeros(0, np.uint16)
+    sweeps = [(sweep, share) for of_sample, share in zip(passes, _shares(weights)) for sweep in of_sample]
+    for done, (sweep, share) in enumerate(sweeps):
+        yield done / len(sweeps)
+        meshes = _meshes_before(sweep, occluders)
+        if meshes is None:
+            continue
+        if len(left) == 0:
+            left = empty(len(occluders.voxels), np.uint16)
+            left[:] = FULL
+        given = sweep, meshes, occluders.voxels, points, occluders.matrix, share, beside, left
+        steps = block_steps(*given, threads=occluders.threads)
+        yield from map_steps(steps, lambda fraction, done=done: (done + fraction) / len(sweeps))
+    return left
 
 
 def traced_light_steps(light, occluders: Occluders, bricks: Bricks, points: Points, scattered: bool):
     """Generator of fractions done: what arrives of a light at points beside voxels, by rays to all its points.
-
-    What meshes leave of the light is swept to the nodes of a grid and read from it.
 
     Parameters
     ----------
@@ -318,23 +354,17 @@ def traced_light_steps(light, occluders: Occluders, bricks: Bricks, points: Poin
     is_sun = light is None or light.type == "SUN"
     grid = occluders.matrix, occluders.voxels.shape_xyz, occluders.boxed
     sums, cuts = np.zeros(len(occluders.voxels), np.float32), _cuts(occluders)
-    has_meshes = occluders.triangles is not None and len(occluders.triangles) > 0
-    free = np.empty((len(sums) if has_meshes else 0, 1), np.int16)
     for n, (point, weight) in enumerate(zip(places, weights)):
 
         def along(done, n=n):
             return (n + done) / len(places)
 
-        if has_meshes:
-            sweeps = sun_sweeps(point, *grid) if is_sun else point_sweeps(point, *grid, beside=True)
-            cleared = [replace(sweep, length=np.zeros(6)) for sweep in sweeps]
-            nodes = yield from map_steps(node_light_steps([cleared], [1.0], occluders), lambda _: along(0.0))
-            given = nodes, 1, 1.0, occluders.voxels, points
-            steps = read_nodes_steps(*given, None, free, 0, threads=occluders.threads)
-            yield from map_steps(steps, lambda _: along(0.0))
+        sweeps = sun_sweeps(point, *grid) if is_sun else point_sweeps(point, *grid, beside=True)
+        steps = unblocked_steps([sweeps], [1.0], occluders, points, beside=light is None)
+        left = yield from map_steps(steps, lambda _: along(0.0))
         steps = trace_steps(
-            occluders.voxels, points, bricks, occluders.matrix, point, is_sun, cuts, weight, free[:, 0], scattered,
-            sums, threads=occluders.threads,
+            occluders.voxels, points, bricks, occluders.matrix, point, is_sun, cuts, weight, left, scattered, sums,
+            threads=occluders.threads,
         )  # fmt: skip
         yield from map_steps(steps, along)
     codes = np.empty(len(sums), np.int16)

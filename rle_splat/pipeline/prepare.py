@@ -196,7 +196,8 @@ def _scene(picture: SyntheticPicture, volume: Volume) -> Scene:
 
     By the headlight, and as the words of ``picture.scene`` say: a mode; "unlit", without shading; "surfaces", with
     gradient opacity; "clips", cut by a box, a plane and the camera; "labels"; "channels", with itself as another one;
-    "lights", a lamp that casts shadows and the world's light; "meshes", a triangle that cuts the ball, one of glass.
+    "lights", a lamp that casts shadows and the world's light; "meshes", a triangle that cuts the ball, one of glass,
+    and ambient occlusion, which they block at the nodes of its grid.
     """
     words = picture.scene.split()
     camera, matrix = turntable(
@@ -228,5 +229,5 @@ def _scene(picture: SyntheticPicture, volume: Volume) -> Scene:
     if "meshes" in words:
         corners = SIDE * np.array([[[0.0, 0.5, 0.0], [1.0, 0.5, 0.0], [0.0, 0.5, 1.0]]])
         pane = {"panes": corners + SIDE / 8.0, "pane_shares": np.array([[0.5, 0.8, 0.9, 1.0]])}
-        scene = replace(scene, triangles=corners, **pane)
+        scene = replace(scene, triangles=corners, ambient_occlusion=0.5, **pane)
     return scene

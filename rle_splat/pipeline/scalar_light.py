@@ -107,7 +107,7 @@ def code_steps(scene: Scene, scalars, occluders: Occluders, side: int, work: Wor
     if side == TRACED:
         steps = traced_steps(scene, occluders, placed.points(matrix), normals_key, job, clock)
     else:
-        steps = arriving_steps(scene, occluders, job, clock, side)
+        steps = arriving_steps(scene, occluders, job, clock, side, placed.points(matrix), normals_key)
     arriving = yield from announce(steps, 0.1, 0.1, "Casting shadows")
     key = normals_key, side, tuple(one.key for one in arriving)
     given = placed, scene, scalars.voxels, key, arriving, job, threads
@@ -146,7 +146,7 @@ def _join_steps(placed: Placed, scene: Scene, voxels, key, arriving: list[Arrivi
             continue
         steps = read_nodes_steps(
             one.codes, side, one.strength, voxels, points(lights[plane]), None if n else known, codes, NORMAL + plane,
-            threads=threads,
+            left=one.left, threads=threads,
         )  # fmt: skip
         yield from map_steps(steps, lambda fraction, n=n: (n + fraction) / len(anew))
     return codes

@@ -14,6 +14,7 @@ from ..effects.shadows import (
     scattered_light_steps,
     sky_passes,
     traced_light_steps,
+    unblocked_steps,
     voxel_light_steps,
 )
 from ..runtime.steps import Clock, map_steps
@@ -56,11 +57,13 @@ def node_side(quality: Quality) -> int:
 
 class Arriving(NamedTuple):
     """What arrives of a light: ``codes``, FULL times the share, where it is traced ONE times it; ``strength`` of what
-    is blocked counts; ``key``."""
+    is blocked counts; ``key``; ``left``: FULL times what meshes leave of it at each voxel, None where ``codes`` have
+    that."""
 
     codes: np.ndarray
     strength: float
     key: tuple
+    left: np.ndarray | None = None
 
 
 def traced_steps(scene: Scene, occluders: Occluders, points, points_key, job: Job, clock: Clock):
@@ -91,10 +94,11 @@ def traced_steps(scene: Scene, occluders: Occluders, points, points_key, job: Jo
     return found
 
 
-def arriving_steps(scene: Scene, occluders: Occluders, job: Job, clock: Clock, side: int = 0):
+def arriving_steps(scene: Scene, occluders: Occluders, job: Job, clock: Clock, side: int, points, points_key):
     """Generator of fractions done: what arrives of a scene's lights.
 
-    ``side``: 0 for the light at voxels; else voxels from node to node of the grids of light.
+    ``side``: 0 for the light at voxels; else voxels from node to node of the grids of light, and ``points`` and
+    ``points_key`` as of ``traced_steps``.
 
     Returns
     -------
@@ -105,33 +109,45 @@ def arriving_steps(scene: Scene, occluders: Occluders, job: Job, clock: Clock, s
     find_steps = node_light_steps if side else voxel_light_steps
     scattered = side > 0 and scene.indirect_light > 0.0
     find_lamp_steps = scattered_light_steps if scattered else find_steps
+    medium = occluders.without_meshes if side else occluders  # of lamps: what meshes leave is looked up apart
 
     def blocking_steps():
-        """Generator: what blocks light, at the grid's own resolution."""
+        """Generator: what blocks the light of lamps, at the grid's own resolution."""
         if side < 2:
-            return occluders
-        key = (occluders.key, side, occluders.threads)
-        return (yield from job.steps("pooled", key, lambda: pool_occluders_steps(occluders, side), _bytes_of))
+            return medium
+        key = (medium.key, side, occluders.threads)
+        return (yield from job.steps("pooled", key, lambda: pool_occluders_steps(medium, side), _bytes_of))
 
     def lamp_steps(light: Light):
         blocking = yield from blocking_steps()
         return (yield from find_lamp_steps(*light_passes(light, blocking, nodes=side > 0, sharp=side > 1), blocking))
 
+    def left_steps(light: Light):
+        passes, weights = light_passes(light, occluders, nodes=True, sharp=side > 1)
+        return (yield from unblocked_steps(passes, weights, occluders, points(light)))
+
     def ambient_steps():
         blocking = yield from blocking_steps()
+        blocking = replace(blocking, triangles=occluders.triangles)
         return (yield from find_steps(*sky_passes(blocking, nodes=side > 0), blocking))
 
     found, further = [], []
     for number in casting(scene):
         light = scene.lights[number]
-        key = (occluders.key, side, _light_key(light), scattered)
+        key = (medium.key, side, _light_key(light), scattered)
         steps = job.steps("shadows", key, lambda light=light: lamp_steps(light))
         with clock.stage("shadows"):
-            codes = yield from steps
+            codes, left = (yield from steps), None
+        if side and occluders.has_meshes:
+            left_key = (occluders.key, side, points_key, _light_key(light))
+            steps = job.steps("mesh shadows", left_key, lambda light=light: left_steps(light))
+            with clock.stage("shadows"):
+                left = yield from steps
+            key = (*key, left_key) if len(left) else key
         if scattered:
             codes, beside = codes
-            further.append(Arriving(beside, 1.0, (*key, "further")))
-        found.append(Arriving(codes, 1.0, key))
+            further.append(Arriving(beside, 1.0, (*key, "further"), left))
+        found.append(Arriving(codes, 1.0, key, left))
     found += further
     yield from _add_ambient_steps(found, scene, (occluders.key, side), ambient_steps, job, clock)
     return found
@@ -148,7 +164,7 @@ def _add_ambient_steps(found: list[Arriving], scene: Scene, key, find_steps, job
 
 def shadow_steps(scene: Scene, occluders: Occluders, job: Job, clock: Clock):
     """Generator of fractions done: the Shadows of a scene's lights, a headlight behind them, and their key."""
-    found = yield from arriving_steps(scene, occluders, job, clock)
+    found = yield from arriving_steps(scene, occluders, job, clock, 0, None, ())
     row_of = np.full(len(scene.lights) + scene.headlight + 1, -1, np.int64)
     row_of[casting(scene)] = np.arange(len(casting(scene)))
     if scene.ambient_occlusion > 0.0:

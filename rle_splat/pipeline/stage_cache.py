@@ -23,7 +23,8 @@ FEW = 1.0 / 16.0  # of the free memory is far less
 MOST_RESULTS = {
     "visible": 6, "relevant": 6, "properties": 6, "surfaces": 2, "normals": 6, "codes": 6, "runs": 6, "records": 6,
     "scalars": 6, "values": 6, "bricks": 6, "table": 6, "gradients": 6, "thinned": 6, "revealed": 2, "labels": 2,
-    "factor": 6, "extinction": 2, "pooled": 2, "shadows": 12, "ambient occlusion": 6, "roughness": 12,
+    "factor": 6, "extinction": 2, "pooled": 2, "shadows": 12, "mesh shadows": 12, "ambient occlusion": 6,
+    "roughness": 12,
 }  # fmt: skip
 
 

@@ -104,7 +104,7 @@ def _layers(sweep: Sweep, place) -> tuple:
 
 def read_nodes_steps(
     nodes, pitch: int, strength: float, voxels: VisibleVoxels, points: Points, known, codes, channel: int, *,
-    threads: int = 0,
+    left=None, threads: int = 0,
 ):  # fmt: skip
     """Generator of fractions done: write the light at points beside voxels to a channel of their codes.
 
@@ -124,13 +124,16 @@ def read_nodes_steps(
         Output, in the order of ``voxels``.
     channel : int
         Number of the channel, at least NORMAL.
+    left : (m,) ndarray of uint16, optional
+        FULL times what meshes leave of the light at each voxel; by default all.
     threads : int
         0 for one per core.
     """
     copied = 0 if known is None else known.shape[1]
     known = codes if known is None else known
+    left = np.zeros(0, np.uint16) if left is None else left
     if not compiled():
-        reference.read_nodes(nodes, pitch, strength, voxels, points, known[:, :copied], codes, channel)
+        reference.read_nodes(nodes, pitch, strength, voxels, points, left, known[:, :copied], codes, channel)
         return
     pieces = -(-len(voxels) // (READ_AT_ONCE * thread_count(threads)))
     ends = np.searchsorted(voxels.row_start, np.linspace(0, len(voxels), pieces + 1)).tolist()
@@ -140,8 +143,9 @@ def read_nodes_steps(
         yield piece / pieces
         with parallel_call(threads):
             _read(
-                first, last - first, grid, pitch, np.float32(strength), lists, read_only(known), copied, codes, channel
-            )
+                first, last - first, grid, pitch, np.float32(strength), lists, read_only(left), read_only(known),
+                copied, codes, channel,
+            )  # fmt: skip
 
 
 # --- kernels ----------------------------------------------------------------------------------------------------
@@ -304,17 +308,17 @@ def _find_taken(scale, first, y, length, depth, lit, share, taken):
 
 
 @kernel
-def _read(first, count, grid, pitch, strength, lists, known, copied, codes, channel):
+def _read(first, count, grid, pitch, strength, lists, left, known, copied, codes, channel):
     """Codes of the voxels of rows [first, first + count).
 
     ``grid``: nodes, flat, and how many along z, y, x.  ``lists``: row_start, column, Points, and voxels along x
     and y.  ``copied``: channels of ``known`` that are copied.
     """
-    share_out(_read_rows, count, (first, grid, pitch, strength, lists, known, copied, codes, channel))
+    share_out(_read_rows, count, (first, grid, pitch, strength, lists, left, known, copied, codes, channel))
 
 
 @kernel(inner=True)
-def _read_rows(begin, end, first, grid, pitch, strength, lists, known, copied, codes, channel):
+def _read_rows(begin, end, first, grid, pitch, strength, lists, left, known, copied, codes, channel):
     """``_read`` for some of them."""
     nodes, n_z, n_y, n_x = grid
     row_start, column, (normals, offsets, lamp), columns, rows = lists
@@ -357,3 +361,6 @@ def _read_rows(begin, end, first, grid, pitch, strength, lists, known, copied, c
                     to[i, plane] = held_rows[i, plane]
         for i in range(own.size):
             to[i, channel] = np.int16(found[i])
+        if left.size > 0:
+            for i in range(own.size):
+                to[i, channel] = np.int16(np.float32(found[i]) * (np.float32(left[at + i]) / np.float32(FULL)) + _HALF)

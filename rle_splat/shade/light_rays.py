@@ -23,6 +23,7 @@ from ..runtime.steps import map_steps
 from ..runtime.work_sizes import BRICK_SIDE as SIDE
 from ..volume.blocks import cut_chunks
 from . import reference
+from .reference import FULL
 from .sample_light import OCTAVES
 from .surface_points import STEPS, Points, lamp_from_row, towards_lamp
 
@@ -137,8 +138,8 @@ def trace_steps(
     cuts : Cuts
     weight : float
         Of this point of the light.
-    free : (m,) ndarray of int16
-        Code of what meshes leave of its light; of length 0 without meshes.
+    free : (m,) ndarray of uint16
+        FULL times what meshes leave of its light; of length 0 where they leave all.
     scattered : bool
         Whether what scatters on the way is asked for, the mean of the light's further OCTAVES.
     sums : (m,) ndarray of float32
@@ -224,7 +225,7 @@ def _trace_rows(begin, end, first, lists, medium, lamp, limits, free, sums):
         y, z = row % n_y, row // n_y
         from_row = lamp_from_row(begins, np.float64(y), np.float64(z))
         for v in range(row_start[row], row_start[row + 1]):
-            left = weight * (np.float32(free[v]) / np.float32(32767.0)) if free.size > 0 else weight
+            left = weight * (np.float32(free[v]) / np.float32(FULL)) if free.size > 0 else weight
             if left == _ZERO:
                 continue
             x = np.float64(column[v])

@@ -151,7 +151,7 @@ def shade_nodes(sweep, tables, starts, extinction, meshes, place, nodes, share: 
         earlier, before = before, after
 
 
-def read_nodes(nodes, pitch: int, strength: float, voxels, points, known, codes, channel: int) -> None:
+def read_nodes(nodes, pitch: int, strength: float, voxels, points, left, known, codes, channel: int) -> None:
     """Light at points beside voxels between nodes, as ``light_nodes._read``."""
     n_y = voxels.shape_xyz[1]
     row = np.searchsorted(voxels.row_start, np.arange(len(voxels)), side="right") - 1
@@ -166,7 +166,8 @@ def read_nodes(nodes, pitch: int, strength: float, voxels, points, known, codes,
         x, y, z = (cell + corner).T
         found += np.where(corner, share, 1.0 - share).prod(axis=1) * nodes[z, y, x]
     codes[:, : known.shape[1]] = known
-    codes[:, channel] = ((1.0 - strength) * ONE + strength * ONE / FULL * found + 0.5).astype(np.int16)
+    found = (1.0 - strength) * ONE + strength * ONE / FULL * found
+    codes[:, channel] = (found * (left / FULL if len(left) else 1.0) + 0.5).astype(np.int16)
 
 
 def _slice_of_sheet(sweep, tables, starts, extinction, n: int, boxed: bool) -> np.ndarray:
@@ -341,6 +342,27 @@ def _towards_lamp(points, index) -> np.ndarray:
     return np.clip(offsets + t[:, None] * (p - offsets), -32767.0, 32767.0)
 
 
+def block_light(meshes, voxels, points, place, pyramid, share: int, beside: bool, left) -> None:
+    """Take from voxels what meshes block, as ``mesh_light._block``."""
+    (up, source, (*_, c)), n_y = pyramid, voxels.shape_xyz[1]
+    row = np.searchsorted(voxels.row_start, np.arange(len(voxels)), side="right") - 1
+    at = np.stack((voxels.column.astype(np.float64), row % n_y, row // n_y), axis=1)
+    at += beside * points.offsets / STEPS
+    x, y, w, reached = np.reshape(place, (4, 4)) @ np.vstack((at.T, np.ones(len(at))))
+    own = w > 0.0
+    if up:
+        way = np.abs(at - source)
+        own &= (up * (at[:, c] - source[c]) > 0.0) & (np.argmax(way, axis=1) == c)
+    x, y, w, reached = (part[own] for part in (x, y, w, reached))
+    x, y = np.clip(x / w, 0.0, meshes.shape[1] - 1.0), np.clip(y / w, 0.0, meshes.shape[0] - 1.0)
+    i, j = (np.minimum(at.astype(int), n - 2) for at, n in ((x, meshes.shape[1]), (y, meshes.shape[0])))
+    blocked = np.zeros(len(x))
+    for far, beyond in np.ndindex(2, 2):
+        met = (meshes[j + far, i + beyond] < reached[:, None]).mean(axis=1)
+        blocked += met * np.where(far, y - j, 1.0 - (y - j)) * np.where(beyond, x - i, 1.0 - (x - i))
+    left[own] -= (blocked * share + 0.5).astype(np.uint16)
+
+
 def smoothstep(t) -> np.ndarray:
     """3 t^2 - 2 t^3 of numbers that are limited to [0, 1]."""
     t = np.clip(t, 0.0, 1.0)
@@ -408,7 +430,7 @@ def trace_light(lists, medium, lamp, limits, free, sums):
     row = np.searchsorted(row_start, np.arange(len(column)), side="right") - 1
     start = np.stack((column.astype(np.float64), row % shape_xyz[1], row // shape_xyz[1]), axis=1)
     start += _towards_lamp(points, start) / STEPS
-    left = weight * (free / np.float32(32767.0) if len(free) else np.ones(len(start), np.float32))
+    left = weight * (free / np.float32(FULL) if len(free) else np.ones(len(start), np.float32))
     for first in range(0, len(start), RAYS_AT_ONCE):
         part = slice(first, first + RAYS_AT_ONCE)
         o = start[part]

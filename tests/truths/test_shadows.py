@@ -266,7 +266,6 @@ def test_a_mesh_wholly_behind_the_volume_shades_it_too(classification):
     quality = Quality(classification=classification)
     light, dark = (render(scene, quality).rgba for scene in (lit, shaded))
     light_most, dark_most = light[..., :3].max(), dark[..., :3].max()
-    # Of post, points beside voxels reach a little of the nodes before the volume, which no mesh shades.
     assert light_most > 0.05 and dark_most < 0.005 * light_most
     unshadowed = replace(shaded, volume_shadows=False)
     assert not analyze(unshadowed, quality)["mesh occlusion"].on

@@ -289,15 +289,13 @@ def test_kernels_are_as_numpy_on_any_number_of_threads(light, meshes, find, monk
     assert (off > 3 * CODE).mean() < (1e-3 if meshes else 1e-9)  # the edge of a mesh is a step
 
 
-@pytest.mark.parametrize("meshes", [False, True])
 @pytest.mark.parametrize("light", [sun((0.5, 0.3, -1)), point((9.1, 8.7, 9.4)), replace(sun((0, 0, -1)), angle=0.5)])
-def test_scattered_light_is_the_octaves_of_each_point_of_a_lamp(light, meshes):
+def test_scattered_light_is_the_octaves_of_each_point_of_a_lamp(light):
     """T as it is swept alone, and U of the powers of what each point of the lamp sends; on any number of threads."""
     field = smooth((19, 18, 20), most=3.0)
-    triangles = np.array([[(2.0, 0.0, 9.0), (20.0, 2.0, 6.0), (5.0, 30.0, 8.0)]]) if meshes else None
 
     def lit(find_steps, part=1.0, threads=1):
-        occluders = occluders_of(part * field, SKEWED, threads, triangles)
+        occluders = occluders_of(part * field, SKEWED, threads)
         return drain(find_steps(*light_passes(light, occluders, nodes=True), occluders)) / FULL
 
     found, alone = lit(scattered_light_steps), lit(node_light_steps)

@@ -35,7 +35,7 @@ MOST_ESCALATIONS = 3
 # of 65 pictures, up to 1.24 times as much where the probes erred by more than a third of the tolerance.)
 ACCEPTED = 0.8
 HALF = 0.5
-# Shadows of meshes come from a grid of one node per voxel, so their edges err at few pixels, more than at the probes.
+# Shadows of meshes come from sheets of one pixel per voxel, so their edges err at few pixels, more than at the probes.
 MESH_SHADOWS = 2.0
 WORTH_SAYING_MS = 2000.0  # frames expected to take longer say so in their progress message
 FIRST_RAYS = 0.05  # the fraction of rays after which their time is predicted by what they took
