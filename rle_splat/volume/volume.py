@@ -136,7 +136,7 @@ class Volume:
             )
 
     def __repr__(self) -> str:
-        voxels, lengths = (" x ".join(f"{n:.4g}" for n in of) for of in (self.shape_xyz, self.spacing))
+        voxels, lengths = " x ".join(map(str, self.shape_xyz)), " x ".join(f"{n:.4g}" for n in self.spacing)
         facts = f"{self.modality or ''} {self.name!r}, {voxels} {self.voxels.dtype}, {lengths} {self.unit}".strip()
         return f"<Volume {facts}{f', {self.value_unit}' if self.value_unit else ''}>"
 
