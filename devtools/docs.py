@@ -19,7 +19,7 @@ SITE = BUILD / "docs"
 FENCE = re.compile(r"^(```|~~~).*?^\1", re.MULTILINE | re.DOTALL)
 CODE = re.compile(r"`[^`\n]*`")
 LINK = re.compile(r"\]\(([^)\s]+)\)")
-ELSEWHERE = ("http:", "https:", "mailto:", "#", "../../releases")  # the last: of the repository's page, from its README
+ELSEWHERE = ("http:", "https:", "mailto:", "#", "../../releases", "../../issues")  # of its page, from the README
 
 
 def pages() -> list[Path]:

@@ -47,6 +47,8 @@ ADVICE = {
     errno.EACCES: "check the permissions, or choose another place",
 }  # fmt: skip
 
+# Option -> the most numbers that it takes, and the mark that joins them.
+SEVERAL_NUMBERS = {"--size": (2, "x"), "--background": (3, ",")}
 NEGATIVE_NUMBER = re.compile(r"-(\d+\.?\d*|\.\d+)(e[+-]?\d{1,3})?", re.IGNORECASE)
 
 
@@ -61,14 +63,25 @@ def _sentence(message) -> str:
     return text if text.endswith((".", "!", "?")) else text + "."
 
 
-def _join_size(argv: list[str]) -> list[str]:
-    """Replace ``--size W H`` by ``--size WxH``; an option with one or two values would swallow VOLUME in argparse."""
-    joined = []
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+def _join_numbers(argv: list[str]) -> list[str]:
+    """Replace ``--size W H`` by ``--size=WxH``; an option with one or two values would swallow VOLUME in argparse."""
+    joined, option, count = [], "", 0
     for word in argv:
-        if len(joined) >= 2 and joined[-2] == "--size" and joined[-1].isdigit() and word.isdigit():
-            joined[-1] += f"x{word}"
+        most, mark = SEVERAL_NUMBERS.get(option, (0, ""))
+        if count < most and _is_number(word):
+            joined[-1] += f"{mark if count else '='}{word}"
+            count += 1
         else:
             joined.append(word)
+            option, count = word, 0
     return joined
 
 
@@ -84,6 +97,7 @@ def _build_parser(asked: str | None):
     """
     import argparse
 
+    from ..runtime.cache_folder import RELEASE
     from ..scene import RleSplatError
 
     class Parser(argparse.ArgumentParser):
@@ -99,6 +113,7 @@ def _build_parser(asked: str | None):
     parser = Parser(
         prog="rle-splat", allow_abbrev=False, description="Render volumes by splatting run-length encoded voxels."
     )
+    parser.add_argument("--version", action="version", version=f"rle-splat {RELEASE}", help="print the version")
     parser.add_argument("--debug", action="store_true", help="show the traceback of an error")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=Parser)
     for name, purpose in COMMANDS.items():
@@ -122,7 +137,7 @@ def _run(argv: list[str]) -> None:
     if first is not None and first not in COMMANDS:
         raise RleSplatError(f"There is no command {first!r}; choose {', '.join(COMMANDS)}.")
     parser = _build_parser(first)
-    args, unknown = parser.parse_known_args(_plain_negatives(_join_size(argv)))
+    args, unknown = parser.parse_known_args(_plain_negatives(_join_numbers(argv)))
     if args.command is None:
         raise RleSplatError(f"No command was given; choose {', '.join(COMMANDS)}, or see rle-splat --help.")
     if unknown:
@@ -162,7 +177,7 @@ def main(argv=None) -> int:
         _run(argv)
         sys.stdout.flush()
         return DONE
-    except SystemExit as end:  # --help leaves this way
+    except SystemExit as end:  # --help and --version leave this way
         return DONE if end.code is None else end.code
     except (Exception, KeyboardInterrupt) as problem:
         if debug:

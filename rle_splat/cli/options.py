@@ -1,10 +1,13 @@
 """Option groups that several commands share, and the plain data made from them."""
 
 import argparse
+import math
 import re
 from dataclasses import asdict
 
 from ..accuracy.planner.candidates import check_tolerance
+from ..classify.presets import PRESETS
+from ..figure.plan import BACKGROUNDS
 from ..read.formats import suffixes
 from ..read.layout import BYTE_ORDERS
 from ..scene import (
@@ -141,7 +144,7 @@ def add_transfer_function_options(parser) -> None:
         help="a file with points of opacity and color (JSON), presets of 3D Slicer (.xml, .mrml, .vp, .vp.json), or a "
         "color map of niivue (.json) or FSL (.cmap)",
     )
-    one.add_argument("--preset", metavar="NAME", help="a built-in transfer function, such as ct-bone or pet")
+    one.add_argument("--preset", metavar="NAME", help=f"a built-in transfer function: {', '.join(PRESETS)}")
     group.add_argument("--transfer-name", metavar="NAME", help="which transfer function of a file that holds several")
     group.add_argument(
         "--smoothness", type=float, metavar="MM",
@@ -266,8 +269,8 @@ def add_image_options(parser) -> None:
         help="render only this part of the picture, in pixels from the top left; RIGHT and BOTTOM are not included",
     )  # fmt: skip
     parser.add_argument(
-        "--background", nargs=3, type=float, metavar=("R", "G", "B"),
-        help="scene-linear color behind the picture in a .png; without it a .png has straight alpha",
+        "--background", type=background_color, metavar="|".join(("R G B", *BACKGROUNDS)),
+        help="scene-linear color behind the picture in a .png; without it a .png is transparent, with straight alpha",
     )  # fmt: skip
 
 
@@ -421,6 +424,21 @@ def memory_size(text: str) -> int:
     if not found or not float(found[1]) > 0.0:
         raise argparse.ArgumentTypeError(f"{text!r} is not a size such as 2GiB or 800MiB")
     return round(float(found[1]) * 1024 ** (1 + "KMGT".index(found[2].upper())))
+
+
+def background_color(text: str) -> tuple[float, ...] | None:
+    """Scene-linear RGB from a name or ``R,G,B``; None is transparent."""
+    if text in BACKGROUNDS:
+        return BACKGROUNDS[text]
+    try:
+        color = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        color = ()
+    if len(color) != 3 or not all(0.0 <= part < math.inf for part in color):
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is not {', '.join(BACKGROUNDS)} or three finite numbers that are not below zero"
+        )
+    return color
 
 
 def image_size(text: str) -> tuple[int, int]:

@@ -184,9 +184,6 @@ def _check(args, frames) -> Checked:
     report = [args.json] if args.json else []
     outputs = outputs_of(args) if frames[0] is args else frames.find_outputs_at_stake(report)
     check_outputs([*outputs, *report], inputs=inputs)
-    if args.background is not None and not all(np.isfinite(c) and c >= 0.0 for c in args.background):
-        numbers = " ".join(f"{c:g}" for c in args.background)
-        raise RleSplatError(f"--background is {numbers}; give three finite numbers that are not below zero.")
     check_scene_options(args)
     light_options.check_light_effects(args)
     check_tiles(args)

@@ -15,7 +15,7 @@ LEVEL = 6  # of the compression
 MM_PER_METER = 1000.0
 
 
-def png_bytes(rgba: np.ndarray, dpi: float, background=None) -> bytes:
+def png_bytes(rgba: np.ndarray, dpi: float = 300.0, background=None) -> bytes:
     """A picture as the content of a PNG file.
 
     Chunks as in the PNG specification (W3C, third edition).

@@ -273,5 +273,9 @@ class Rendering:
     depth: np.ndarray
     report: dict
 
+    def __repr__(self) -> str:
+        height, width = self.depth.shape
+        return f"<Rendering of {width} x {height} pixels>"
+
 
 NO_DEPTH = 1e10

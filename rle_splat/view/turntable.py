@@ -26,7 +26,7 @@ def turntable(
     fov : float
         Vertical field of view in degrees, for perspective.
     width, height : int
-        Size of the picture in pixels.
+        Not used: the height of the view does not depend on the picture, whose size the Scene has.
     scene_scale : float
         World units per unit of the volume.
 

@@ -135,6 +135,11 @@ class Volume:
                 f"{self.intercept!r}."
             )
 
+    def __repr__(self) -> str:
+        voxels, lengths = " x ".join(map(str, self.shape_xyz)), " x ".join(f"{n:.4g}" for n in self.spacing)
+        facts = f"{self.modality or ''} {self.name!r}, {voxels} {self.voxels.dtype}, {lengths} {self.unit}".strip()
+        return f"<Volume {facts}{f', {self.value_unit}' if self.value_unit else ''}>"
+
     @property
     def shape_xyz(self) -> tuple[int, int, int]:
         """Number of voxels along x, y, z."""

@@ -26,8 +26,8 @@ LIT = "--lights lights.json --shadows"
 LABELS = "--labels labels.raw --label-functions labels.json"
 # Option -> values, each as its words.
 VALUES = {
-    "--size": ["30 20"], "--crop": ["5 5 25 20"], "--background": ["0 0.1 0"], "--tile": ["16"], "--mode": MODES,
-    "--mist": ["mist.json"], "--memory-limit": ["4GiB"], "--progress": [""], "--no-progress": [""],
+    "--size": ["30 20"], "--crop": ["5 5 25 20"], "--background": ["0 0.1 0", "white"], "--tile": ["16"],
+    "--mode": MODES, "--mist": ["mist.json"], "--memory-limit": ["4GiB"], "--progress": [""], "--no-progress": [""],
     "--json": ["report.json"],
     "--byte-order": ["little"], "--header-bytes": ["0"], "--spacing": ["1 1.5 0.7"], "--orientation": ["LPS"],
     "--flip": ["xz"], "--slope": ["2.5"], "--intercept": ["-100"], "--level": ["1"], "--unit": ["mm"],

@@ -177,6 +177,7 @@ def test_a_png_is_read_back_by_another_program(background):
     image = Image.open(io.BytesIO(png_bytes(drawn, 254.0, background)))
     assert np.array_equal(np.asarray(image), to_bytes(drawn, background))
     assert image.info["dpi"] == pytest.approx((254.0, 254.0), abs=0.01) and image.info["srgb"] == 0
+    assert png_bytes(drawn, background=background) == png_bytes(drawn, 300.0, background)
 
 
 def test_an_svg_holds_texts_lines_and_pictures():
