@@ -153,11 +153,11 @@ def hold_plan_of(scene: Scene, quality: Quality, cache: StageCache | None = None
 def _explain_no_choice(scene: Scene) -> str:
     """Why a scene's plan cannot be chosen; empty where it can."""
     if not scene.volume.holds_values:
-        return "for tables in a folder it has one plan for all scenes"
+        return "for tables in a folder its settings are the same for all scenes"
     if scene.mode != MODES[0]:
-        return f"in the mode {scene.mode} it has one plan for all scenes"
+        return f"in the mode {scene.mode} its settings are the same for all scenes"
     if scene.labels is not None:
-        return "with labels it has one plan for all scenes"
+        return "with segments its settings are the same for all scenes"
     if scene.transfer_function.gradient_opacity is not None:
-        return "with a gradient opacity it has one plan for all scenes"
+        return "with a gradient opacity its settings are the same for all scenes"
     return ""

@@ -48,10 +48,10 @@ STEPS, COLUMN, DOWN = 14, 82, 12  # of a drag; pixels between buttons of presets
 TOWARD = (-1.5, -1.55, 0.66)  # where the camera is, from the middle of the scan, in sizes of it
 NEARER = 0.5  # than Frame, which shows the whole box
 OPAQUE, SHIFT, GROW, SMOOTH = 0.05, -100.0, 2.0, 2.0  # mm, HU, mm, mm: thin walls are whole and opaque
-SHORTER, AHEAD = 0.8, -0.013  # of the slice, toward the front in meters: the head holder is beyond it
+SHORTER, AHEAD = 0.85, -0.008  # of the slice, toward the front in meters: the head holder is beyond it
 COLUMNS = 45, 105, 190  # of buttons, pixels from the sidebar's right edge
 LEVEL, WINDOW, BEFORE = 575.0, 850.0, 0.001  # HU, of the slice, and how far it lies before the cut, in meters
-OPEN, LIVE = "560x490+100+160", "500x460+130+175"  # of a frame
+OPEN, LIVE = "560x484+100+160", "500x460+130+175"  # of a frame
 STILLS = {  # pictures of the pages: the frames side by side, the part of each and its caption
     "how-to-presets": (("preset", "1024x700+0+0", ""),), "how-to-cut": (("whole", OPEN, ""), ("cut", OPEN, "")),
     "how-to-live": (("draft", LIVE, "Draft, while the view turns"), ("refined", LIVE, "Refined, when it rests")),
@@ -173,7 +173,7 @@ def rendered():
     bpy.app.handlers.render_complete.append(lambda *_: ended.append(True))
     yield from press("F12", middle())
     yield from until(lambda: ended and not bpy.app.is_job_running("RENDER"))
-    area_of("IMAGE_EDITOR").spaces.active.overlay.show_overlays = False  # the seconds are those of a busy machine
+    area_of("IMAGE_EDITOR").spaces.active.overlay.show_text_info = False  # the seconds are those of a busy machine
     yield
     yield
 
