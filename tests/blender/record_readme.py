@@ -52,6 +52,8 @@ SHORTER, AHEAD = 0.85, -0.008  # of the slice, toward the front in meters: the h
 COLUMNS = 45, 105, 190  # of buttons, pixels from the sidebar's right edge
 LEVEL, WINDOW, BEFORE = 575.0, 850.0, 0.001  # HU, of the slice, and how far it lies before the cut, in meters
 OPEN, LIVE = "560x484+100+160", "500x460+130+175"  # of a frame
+# Over the seconds that a render took, which are those of a busy machine: the background beside them.
+NO_SECONDS = "( +clone -crop 300x22+400+55 +repage ) -geometry +12+55 -composite".split()
 STILLS = {  # pictures of the pages: the frames side by side, the part of each and its caption
     "how-to-presets": (("preset", "1024x700+0+0", ""),), "how-to-cut": (("whole", OPEN, ""), ("cut", OPEN, "")),
     "how-to-live": (("draft", LIVE, "Draft, while the view turns"), ("refined", LIVE, "Refined, when it rests")),
@@ -173,7 +175,6 @@ def rendered():
     bpy.app.handlers.render_complete.append(lambda *_: ended.append(True))
     yield from press("F12", middle())
     yield from until(lambda: ended and not bpy.app.is_job_running("RENDER"))
-    area_of("IMAGE_EDITOR").spaces.active.overlay.show_text_info = False  # the seconds are those of a busy machine
     yield
     yield
 
@@ -249,6 +250,7 @@ def save() -> None:
         words = ["-fill", "white", "-stroke", "black", "-draw", f"polygon {arrow}"] if at else []
         words += ["-stroke", "none", "-resize", f"{WIDTH}x", "-font", FONT, "-gravity", "SouthWest", "-pointsize", "24",
                   "-fill", "white", "-undercolor", "#000c", "-annotate", "+44+30", f" {caption} "]  # fmt: skip
+        words = [*NO_SECONDS, *words] if caption == "F12" else words
         subprocess.run(["convert", str(folder / f"frame-{number:03}.png"), *words, str(path)], check=True)
         pictures += ["-delay", str(CENTISECONDS * times), str(path)]
     subprocess.run(["convert", "-loop", "0", *pictures, "-quality", str(QUALITY), "-define", "webp:method=6",
