@@ -66,7 +66,7 @@ def choose_plan(source: Source, cache: StageCache) -> Source:
         why = (
             f"{said}. Its usual settings are expected to err by "
             f"{usual.error(rough):.2g}, because edges are hard here ({rough:.2g} levels within half a voxel). "
-            f"With {chosen.describe()} {expected:.2g} are expected."
+            f"With {chosen.describe()}, {expected:.2g} are expected."
         )
     if expected > EXPECTED_SHARE * aim:
         why += " No settings are expected to err less."
