@@ -74,13 +74,13 @@ def _plate(stage: Stage, bone, coat) -> None:
     wrap.target, wrap.wrap_method, wrap.project_limit = bone, "PROJECT", 0.2
     wrap.use_project_y, wrap.use_positive_direction, wrap.use_negative_direction = True, True, False
     wrap.use_project_x = wrap.use_project_z = False
-    wrap.offset = 1.6 * MM
+    wrap.offset = 1.3 * MM  # bars lie on the bone
     relaxed = plate.modifiers.new("Relaxed", "SMOOTH")
     relaxed.factor, relaxed.iterations = 0.5, 3
     flat = _applied(plate)
     to_world = plate.matrix_world.copy()
     bars = plate.modifiers.new("Bars", "WIREFRAME")
-    bars.thickness, bars.offset, bars.use_boundary, bars.use_even_offset = 1.5 * MM, 0.0, True, False
+    bars.thickness, bars.offset, bars.use_boundary, bars.use_even_offset = 2.4 * MM, 0.0, True, False
     smooth = plate.modifiers.new("Round", "SUBSURF")
     smooth.levels = smooth.render_levels = 1
     plate.data.materials.append(coat)
@@ -158,7 +158,7 @@ def skull(stage: Stage):
     toward = (0.8, -1.95, 0.85)
     stage.camera(toward, lens=66.0, aim=(0.03, -0.08, -0.085))
     stage.sweep(toward, stage.foot - 5.0 * MM / stage.size, (0.06, 0.066, 0.078))
-    stage.key(3.2, (1.3, -0.75, 1.1))
+    stage.key(3.2, (1.4, -0.7, 0.8))  # from the side: the shadow of each bar falls into the hole beside it
     stage.area("Rim", 60.0, (-1.6, 1.4, 1.2), COLD)
     softbox_world(
         ((0.02, 0.02, 0.022), (0.05, 0.055, 0.065), (0.25, 0.27, 0.3)),

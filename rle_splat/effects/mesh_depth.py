@@ -75,11 +75,15 @@ def edges_of(pixels: np.ndarray, depths: np.ndarray):
     edges, depths, bounds, kept
     """
     size = np.abs(pixels).max(axis=(1, 2))
-    determinant = np.linalg.det(pixels / np.where(size > 0.0, size, 1.0)[:, None, None])
+    size[size == 0.0] = 1.0
+    scaled = pixels / size[:, None, None]
+    # Inverse matrices by Cramer's rule: LAPACK is called for each of them, and has threads that wait for each other.
+    across = np.cross(scaled[:, [1, 2, 0]], scaled[:, [2, 0, 1]])
+    determinant = (scaled[:, 0] * across[:, 0]).sum(axis=1)
     in_front = (pixels[..., 2] > 0.0).any(axis=1)
     kept = (np.abs(determinant) > 1e-14) & in_front
     pixels, depths = pixels[kept], depths[kept]
-    edges = np.linalg.inv(pixels).transpose(0, 2, 1)
+    edges = across[kept] / (determinant * size)[kept, None, None]
     bounds = np.empty((len(pixels), 4))
     whole = (pixels[..., 2] > 1e-9 * np.abs(pixels[..., 2]).max(axis=1, keepdims=True)).all(axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
