@@ -72,7 +72,7 @@ PHOTOGRAPHS = {
 }  # fmt: skip
 # Scripts whose photographs show a view as users have it, or that look at the lines in it.  In those of the others the
 # floor's grid, a quarter of what a redraw takes, is in the photograph of PHOTOGRAPHS alone.
-WITH_FLOOR = ("window_live.py", "window_tutorial.py")
+WITH_FLOOR = ("window_live.py", "window_tutorial.py", "window_after_render.py")
 
 
 def _lent_pytest() -> Path:
