@@ -70,8 +70,8 @@ PHOTOGRAPHS = {
     "window_slices": "four_up", "window_trust": "12-file-found-again",
     "window_turntable": "ended", "window_world": "slot 1 after the edit",
 }  # fmt: skip
-# Scripts whose photographs show a view as users have it, or that look at the lines in it.  In those of the others the
-# floor's grid, a quarter of what a redraw takes, is in the photograph of PHOTOGRAPHS alone.
+# Scripts whose photographs show a view as users have it, that look at the lines in it, or that photograph by a command
+# of their own.  In those of the others the floor's grid, a quarter of a redraw, is in that of PHOTOGRAPHS alone.
 WITH_FLOOR = ("window_live.py", "window_tutorial.py", "window_after_render.py")
 
 
