@@ -36,7 +36,7 @@ def test_windows_are_skipped_with_the_reason_where_there_is_no_blender(monkeypat
 
 @pytest.mark.parametrize(("version", "backend", "code"), [((5, 2), None, 1), ((5, 3), None, 0), ((5, 2), "vulkan", 0)])
 def test_photographs_are_compared_last_where_those_approved_are_of_this_blender(monkeypatch, version, backend, code):
-    """A window whose photograph has changed, or is missing, fails the run.  Each is told which one is compared."""
+    """A window whose photograph has changed, or is missing, fails the run.  Each knows the one that is compared."""
     compared = {}
 
     def run(blender, zips, script, *_):
@@ -59,8 +59,8 @@ def test_photographs_are_compared_last_where_those_approved_are_of_this_blender(
     assert len(found) == len(real_blender_tests.WINDOW_SCRIPTS) + 2 and found[-1].name == "photographs"
     assert (found[-1].failed, found[-1].verdict == "SKIPPED") == (code, not code)
     with_floor = {Path(script).stem for script in real_blender_tests.WITH_FLOOR}
-    told = {script: name for script, name in real_blender_tests.PHOTOGRAPHS.items() if script not in with_floor}
-    assert {script: name for script, name in compared.items() if name} == told
+    expected = {script: name for script, name in real_blender_tests.PHOTOGRAPHS.items() if script not in with_floor}
+    assert {script: name for script, name in compared.items() if name} == expected
 
 
 def test_each_script_that_drives_a_window_is_a_stage():

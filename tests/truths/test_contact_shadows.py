@@ -7,16 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rle_splat.accuracy.light_model import PostLight
-from rle_splat.accuracy.truths import world_opacity_distance
 from rle_splat.classify.transfer_function import Shade, TransferFunction
-from rle_splat.pipeline import scalar_source
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.scene import Camera, Quality, Scene
 from rle_splat.shade.sample_light import NORMAL, ONE
 from rle_splat.volume.volume import Volume
 from tests.lamps import sun
+from tests.light_codes import codes_and_reference
 from tests.ways import by
 
 SURFACE, THICK, SLANT = 12.37, 2.0, 2.0  # z of a flat wall's surface; voxels of the plate; tangent of the sun's angle
@@ -104,22 +102,11 @@ def test_a_mesh_in_the_surface_or_below_it_leaves_no_specks(quality, depth):
 @pytest.mark.parametrize("indirect", [0.0, 1.0])
 def test_what_meshes_leave_is_that_of_the_reference(light, indirect, monkeypatch):
     """T and U of strict pictures; only rays within a pixel of an edge may differ."""
-    scene, found = wall(SEATED, (light,), indirect_light=indirect), []
-    code_steps = scalar_source.code_steps
-
-    def note(scene, scalars, *rest):
-        codes, key = yield from code_steps(scene, scalars, *rest)
-        found.append((scalars.voxels, codes))
-        return codes, key
-
-    monkeypatch.setattr(scalar_source, "code_steps", note)
-    render(scene, Quality.preset("strict"))
-    (voxels, codes), few = found[0], np.arange(0, len(found[0][0]), 7)
-    row = np.searchsorted(voxels.row_start, few, side="right") - 1
-    reference = PostLight(scene, world_opacity_distance(scene, scene.transfer_function))
-    expected = reference.planes(row // SIDE, row % SIDE, voxels.column[few].astype(np.int64))[:, NORMAL:]
-    off = np.abs(codes[few, NORMAL:] / float(ONE) - expected)
-    above = row // SIDE >= SURFACE  # below, all is dark
+    scene = wall(SEATED, (light,), indirect_light=indirect)
+    codes, reference, z = codes_and_reference(scene, 7, monkeypatch)
+    expected = reference[:, NORMAL:]
+    off = np.abs(codes[:, NORMAL:] / float(ONE) - expected)
+    above = z >= SURFACE  # below, all is dark
     assert 0.03 < (expected[above] < 0.5).mean() < 0.5
     assert (off > 0.02).mean() < 0.06 and off.mean() < 0.01
 

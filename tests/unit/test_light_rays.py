@@ -8,20 +8,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rle_splat.accuracy.light_model import PostLight
-from rle_splat.accuracy.truths import world_opacity_distance
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.effects.shadows import traced_light_steps
-from rle_splat.pipeline import scalar_source
-from rle_splat.pipeline.render import render
 from rle_splat.runtime.jit import compiled, use_reference
 from rle_splat.runtime.steps import drain
-from rle_splat.scene import Camera, Clip, Light, Quality, Scene
+from rle_splat.scene import Camera, Clip, Light, Scene
 from rle_splat.shade.light_rays import brick_steps
 from rle_splat.shade.sample_light import ONE
 from rle_splat.shade.surface_points import STEPS, points_for
 from rle_splat.volume.volume import Volume
 from tests.lamps import point, sun
+from tests.light_codes import codes_and_reference
 from tests.unit.test_light_nodes import (
     PLACES,
     SKEWED,
@@ -158,20 +155,7 @@ CASES = {
 @pytest.mark.parametrize("case", CASES)
 def test_what_arrives_is_that_of_the_reference(case, monkeypatch):
     """Planes of voxels against float64 rays of the reference, whose lamps have the same points."""
-    scene, found = _scene(**CASES[case]), []
-    code_steps = scalar_source.code_steps
-
-    def note(scene, scalars, *rest):
-        codes, key = yield from code_steps(scene, scalars, *rest)
-        found.append((scalars.voxels, codes))
-        return codes, key
-
-    monkeypatch.setattr(scalar_source, "code_steps", note)
-    render(scene, Quality.preset("strict"))
-    (voxels, codes), few = found[0], np.arange(0, len(found[0][0]), 11)
-    row = np.searchsorted(voxels.row_start, few, side="right") - 1
-    light = PostLight(scene, world_opacity_distance(scene, scene.transfer_function))
-    expected = light.planes(row // 32, row % 32, voxels.column[few].astype(np.int64))
+    codes, expected, _ = codes_and_reference(_scene(**CASES[case]), 11, monkeypatch)
     assert expected[:, 3:].min() < 0.5
     # An offset is off by half a STEP at most, which changes T by as much of the extinction of a voxel.
-    np.testing.assert_allclose(codes[few] / float(ONE), expected, rtol=0.0, atol=3.0 / STEPS)
+    np.testing.assert_allclose(codes / float(ONE), expected, rtol=0.0, atol=3.0 / STEPS)
