@@ -87,7 +87,7 @@ def measured(name: str, entry: int, scan: str, buttons):
         count.clicks += 1
         yield from waited(count, is_idle)
     yield from photograph(name.split(",")[0].replace(" ", "_"))
-    row = f"| {name} | {', '.join(buttons)} | {count.clicks} | {count.work:.0f} | {count.seconds:.0f} |"
+    row = f"| {name} | {', '.join(buttons)} | {count.clicks} | {count.seconds:.0f} | {count.work:.0f} |"
     with open(Path(os.environ[SHOTS]) / "clicks.md", "a", encoding="utf-8") as table:
         table.write(row + "\n")
     print(row, owner.rle_splat.transfer_name, owner.rle_splat.remarks, flush=True)
