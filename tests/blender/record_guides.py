@@ -3,8 +3,8 @@
     python3 dev.py blender --photograph tests/blender/record_guides.py --size 1280x800
 
 writes how-to-*.jpg and organs-*.jpg into build/window-shots/record_guides.  In tests/blender/data are: ``scan``, the
-DICOM series of the gallery's skull; ``cta_aorta_labels``, the dissected aorta with its segments; and
-``cthead_256x256x113_uint16be.raw.gz``.
+DICOM series of the gallery's skull; ``chest``, that of a chest with contrast; ``cta_aorta_labels``, the dissected aorta
+with its segments; and ``cthead_256x256x113_uint16be.raw.gz``.
 how-to-preferences.jpg is a part of preferences.png of window_panels.py.
 """
 
@@ -111,35 +111,59 @@ def activate(volume) -> None:
     bpy.context.view_layer.objects.active = volume
 
 
+def chest():
+    """A patient's chest with contrast, by the preset Vessels; returns the volume."""
+    yield from begin()
+    with in_the_view():
+        assert bpy.ops.rle_splat.import_folder(directory=str(DATA / "chest"), hide_table=True) == {"FINISHED"}
+        assert bpy.ops.rle_splat.apply_preset(preset="ct-angiography") == {"FINISHED"}
+    volume = bpy.context.view_layer.objects.active
+    volume.select_set(False)
+    bpy.context.scene.rle_splat.quality, bpy.context.scene.rle_splat.ambient_occlusion = "fine", 0.5
+    look_from(72.0, 15.0, 0.5)
+    overlay = area_of("VIEW_3D").spaces.active.overlay
+    overlay.show_relationship_lines = overlay.show_cursor = False
+    overlay.show_floor = overlay.show_axis_x = overlay.show_axis_y = False
+    yield from settled()
+    return volume
+
+
+def curve_and_window():
+    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_transfer")
+    yield from chest()
+    yield from keep("how-to-curve")
+    look_from(80.0, -25.0, 0.9)
+    with in_the_view():
+        bpy.ops.rle_splat.use_window_tool()
+    simulate("MOUSEMOVE", "NOTHING", middle(20.0, -20.0))
+    yield
+    simulate("MOUSEMOVE", "NOTHING", middle(21.0, -20.0))
+    yield from settled()
+    yield from keep("how-to-window")
+    passed("curve, window")
+
+
 def set_up_slices():
-    volume = yield from skull()
+    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_slices")
+    volume = yield from chest()
     with in_the_view():
         assert bpy.ops.rle_splat.four_up("EXEC_DEFAULT", True) == {"FINISHED"}
-    volume.rle_splat.slice_center, volume.rle_splat.slice_width = 100.0, 1500.0
+    volume.rle_splat.slice_center, volume.rle_splat.slice_width = VESSEL_WINDOW
     activate(volume)
     yield from settled()
     yield from keep("how-to-slices")
     passed("slices")
 
 
-def window_and_curve():
+def smoothness():
+    open_panels("RLE_SPLAT_PT_volume", *(f"RLE_SPLAT_PT_{name}" for name in PANELS))
     volume = yield from skull()
-    yield from keep("how-to-curve")
-    with in_the_view():
-        bpy.ops.rle_splat.use_window_tool()
-    simulate("MOUSEMOVE", "NOTHING", middle(150.0, -30.0))
-    yield
-    simulate("MOUSEMOVE", "NOTHING", middle(151.0, -30.0))
-    yield from settled()
-    yield from keep("how-to-window")
-    with in_the_view():
-        bpy.ops.wm.tool_set_by_id(name="builtin.select_box")
     for name, smoothness in (("rough", 0.0), ("smooth", 2.0)):
         volume.rle_splat.smoothness = smoothness
         yield from settled()
         yield from keep(name, HEAD)
     beside("how-to-smoothness", "rough", "smooth")
-    passed("window, curve, smoothness")
+    passed("smoothness")
 
 
 def table_and_surface():
@@ -148,13 +172,16 @@ def table_and_surface():
     beside("how-to-table", "holder", "free")
     with in_the_view():
         assert bpy.ops.rle_splat.extract_surface(of="VALUE", value=250.0) == {"FINISHED"}
-    made = bpy.context.view_layer.objects.active
+    made, view = bpy.context.view_layer.objects.active, area_of("VIEW_3D").spaces.active
+    made.select_set(False)  # its wires would be orange
+    made.hide_set(True)
     yield from settled()
     yield from keep("volume", HEAD)
+    made.hide_set(False)
     made.modifiers.new("Decimate", "DECIMATE").ratio = 0.03
     volume.hide_set(True)
-    overlay = area_of("VIEW_3D").spaces.active.overlay
-    overlay.show_wireframes, overlay.wireframe_threshold = True, 1.0
+    view.shading.color_type = "VERTEX"
+    view.overlay.show_wireframes, view.overlay.wireframe_threshold, view.overlay.wireframe_opacity = True, 1.0, 0.4
     yield from wait_for_rest()
     yield from keep("mesh", HEAD)
     beside("how-to-surface", "volume", "mesh")
@@ -482,6 +509,7 @@ def scenario():
 
 
 PARTS = (
-    set_up_slices, window_and_curve, table_and_surface, raw_file, pinned, tutorial_of_organs, in_time, reported, named,
+    curve_and_window, set_up_slices, smoothness, table_and_surface, raw_file, pinned, tutorial_of_organs, in_time,
+    reported, named,
 )  # fmt: skip
 drive(scenario)
