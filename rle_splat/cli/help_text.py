@@ -19,7 +19,7 @@ RARE = {
 class HelpAll(argparse.Action):
     """Print the help with every option, and leave."""
 
-    def __call__(self, parser, *_):
+    def __call__(self, parser, namespace, values, option_string=None):
         sys.stdout.write(argparse.ArgumentParser.format_help(parser))
         parser.exit()
 
@@ -28,7 +28,7 @@ def usage(parser: argparse.ArgumentParser) -> str:
     """The command line in short: what must be given, and ``[options]``."""
     needed = []
     for action in parser._actions:
-        value = action.metavar or action.dest.upper()
+        value = str(action.metavar or action.dest.upper())
         if not action.option_strings:
             needed.append(value)
         elif action.required:
