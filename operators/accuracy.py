@@ -41,7 +41,7 @@ class RLE_SPLAT_OT_measure_accuracy(_Measurement, bpy.types.Operator):
     bl_label = "Measure Accuracy"
     bl_description = (
         "Measure the time and the error of several quality settings for this volume and camera. The volume is "
-        "measured alone: without meshes and motion blur, and without shadows where colors are interpolated"
+        "measured alone: without meshes and motion blur, and without shadows if Interpolate is Colors"
     )
 
     probes: IntProperty(
@@ -67,10 +67,10 @@ class RLE_SPLAT_OT_measure_accuracy(_Measurement, bpy.types.Operator):
 class RLE_SPLAT_OT_choose_plan(bpy.types.Operator):
     bl_idname = "rle_splat.choose_plan"
     bl_label = "Choose Plan"
-    bl_description = "Set the scene's quality to this measured plan"
+    bl_description = "Use these measured settings as the scene's Quality"
     bl_options = {"REGISTER", "UNDO"}
 
-    index: IntProperty(name="Row", description="Row in the list of measured plans, from 0", default=0, min=0)
+    index: IntProperty(name="Row", description="Row in the list of measured settings, from 0", default=0, min=0)
 
     @classmethod
     def poll(cls, context):
@@ -91,7 +91,7 @@ class RLE_SPLAT_OT_error_map(_Measurement, bpy.types.Operator):
     bl_label = "Error Map"
     bl_description = (
         "Make an image of the picture's error at the current quality, in steps of an 8-bit picture. The volume is "
-        "measured alone: without meshes and motion blur, and without shadows where colors are interpolated"
+        "measured alone: without meshes and motion blur, and without shadows if Interpolate is Colors"
     )
 
     step: IntProperty(

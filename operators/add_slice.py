@@ -45,8 +45,8 @@ def add_slices(context, owner, volume, names) -> list:
 
 
 class RLE_SPLAT_OT_add_slice(LoadsFirst, bpy.types.Operator):
-    """Add a plane through the middle of the volume that shows its values as gray levels (MPR). Move, rotate, scale and
-    animate it like any object. While it renders, Blender's interface is locked"""
+    """Add a plane through the middle of the volume that shows its values in gray (MPR). Move, rotate, scale and animate
+    it like any object. Renders lock Blender's interface"""
 
     bl_idname = "rle_splat.add_slice"
     bl_label = "Add Slice"

@@ -12,8 +12,8 @@ from .refusal import has_volume, refuses
 
 
 class RLE_SPLAT_OT_clip_to_view(bpy.types.Operator):
-    """Remove what lies between the view and a plane that faces it. If a cut plane is active, it is moved there; else
-    one is added. In background mode the view is that of the active camera"""
+    """Cut away what is in front of a plane that faces the view. Moves the active cutting plane there, or adds one.
+    Without a window the view is the camera's"""
 
     bl_idname = "rle_splat.clip_to_view"
     bl_label = "Cut Along View"
@@ -21,8 +21,8 @@ class RLE_SPLAT_OT_clip_to_view(bpy.types.Operator):
 
     through: EnumProperty(
         name="Through", description="Point that the plane goes through",
-        items=[("VIEW", "View Center", "The point about which the view turns, or the middle of the volume if that "
-                                       "point is not at the depth of the volume or the view is through a camera"),
+        items=[("VIEW", "View Center", "The point about which the view turns; the middle of the volume if that point "
+                                       "is beside it, or in a camera view"),
                ("CURSOR", "3D Cursor", "The 3D cursor, which Shift and the right mouse button set")])  # fmt: skip
 
     poll = classmethod(has_volume)

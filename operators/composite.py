@@ -20,7 +20,7 @@ class RLE_SPLAT_OT_composite(LoadsFirst, bpy.types.Operator):
     bl_idname = "rle_splat.composite"
     bl_label = "Show in Renders"
     bl_description = (
-        "Render the volumes of this scene with every frame (F12) and combine them with the meshes inside them"
+        "Include this scene's volumes in every render (F12), with meshes in front of, inside and behind them"
     )
     bl_options = {"REGISTER", "UNDO"}
 
@@ -69,7 +69,7 @@ class RLE_SPLAT_OT_composite(LoadsFirst, bpy.types.Operator):
 class RLE_SPLAT_OT_remove_composite(bpy.types.Operator):
     bl_idname = "rle_splat.remove_composite"
     bl_label = "Remove from Renders"
-    bl_description = "Leave volumes out of renders: remove their nodes from the compositor and keep all other nodes"
+    bl_description = "Leave volumes out of renders. Removes their nodes from the compositor; other nodes stay"
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod

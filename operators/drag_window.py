@@ -17,7 +17,7 @@ KEYS = "Right, Left: Window   |   Up, Down: Level   |   Shift: Finer   |   Relea
 
 
 class RLE_SPLAT_OT_drag_window(bpy.types.Operator):
-    """Drag right and left for the window, up and down for the level; over a slice, those of the slices"""
+    """Drag sideways to change the window, up or down to change the level. Over a slice the slices' own change"""
 
     bl_idname = "rle_splat.drag_window"
     bl_label = "Drag Window and Level"

@@ -79,7 +79,7 @@ class RLE_SPLAT_OT_extract_surface(StepwiseOperator, bpy.types.Operator):
         else:
             threshold = self.opacity * largest_opacity(function, labels)
             if threshold == 0.0:
-                raise RleSplatError(f"All of {owner.name!r} is transparent; change its transfer function.")
+                raise RleSplatError(f"All of {owner.name!r} is transparent; choose a preset.")
         return surface_mesh.surface_steps(Solid(volume, function, threshold, kept, labels))
 
     def commit(self, context, surface):

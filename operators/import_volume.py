@@ -1,4 +1,4 @@
-"""Import Volume and Import DICOM Folder: the entries in File > Import, their dialogs, and files that are dropped."""
+"""Import Volume and Import DICOM Series: the entries in File > Import, their dialogs, and files that are dropped."""
 
 import os
 import textwrap
@@ -33,7 +33,7 @@ DROPPED_SUFFIXES = (*dict.fromkeys(
     "." + suffix.rpartition(".")[2] for entry in FORMATS if entry.is_dropped for suffix in entry.suffixes),
     encoded.SUFFIX)  # fmt: skip
 CHOOSING, BODY = 0.8, 0.85  # shares of the time until the transfer function is chosen, and the body is sought
-HIDDEN = "What is not the body is hidden; the eye of Background in the panel Segments shows it."
+HIDDEN = "Everything but the body is hidden; the eye of Background in the panel Segments shows it."
 DICOM, TIFF = (next(entry for entry in FORMATS if entry.name == name) for name in ("DICOM", "TIFF"))
 # Options that are numbers, and the switch that leaves each to the file.
 NUMBERS = (("series", "use_only_series"), ("frame", "use_first_frame"), ("level", "use_fitting_level"))
@@ -240,7 +240,7 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
 
 
 class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelper):
-    """Import a volume for RLE Splat. Its voxels stay in the file"""
+    """Import a CT, MR, PET, microscopy, smoke or other volume. Its voxels stay in the file"""
 
     bl_idname = "rle_splat.import_volume"
     bl_label = "Import Volume"
@@ -374,7 +374,7 @@ class RLE_SPLAT_OT_import_folder(ImportsVolumes, bpy.types.Operator):
     """Import a DICOM series from a folder and its subfolders. If there are several, a dialog asks which one"""
 
     bl_idname = "rle_splat.import_folder"
-    bl_label = "Import DICOM Folder"
+    bl_label = "Import DICOM Series"
     bl_options = {"UNDO"}
 
     directory: StringProperty(
@@ -415,6 +415,6 @@ class RLE_SPLAT_FH_volume(bpy.types.FileHandler):
 
 
 def draw_menu_entry(menu, _context):
-    text = "Volume (RLE Splat) (DICOM, NIfTI, NRRD, OpenVDB, raw, ...)"  # of all names the menu would be too wide
+    text = "Volume (.nii/.nrrd/.dcm/.tif/.vdb/.raw)"  # of all suffixes the menu would be too wide
     menu.layout.operator(RLE_SPLAT_OT_import_volume.bl_idname, text=text)
-    menu.layout.operator(RLE_SPLAT_OT_import_folder.bl_idname, text="DICOM Folder (RLE Splat)")
+    menu.layout.operator(RLE_SPLAT_OT_import_folder.bl_idname, text="DICOM Series (.dcm)")

@@ -40,5 +40,5 @@ class RLE_SPLAT_OT_list_effects(bpy.types.Operator):
         effects.note_effects(settings, listed, "For the scene as it is now; not rendered yet.")
         outdated.update_status(context.scene, context.evaluated_depsgraph_get())  # the file may have been read again
         names = [entry["name"] for entry in listed if entry["on"]]
-        self.report({"INFO"}, f"On: {', '.join(names) or 'none'}.")
+        self.report({"INFO"}, f"Effects in use: {', '.join(names) or 'none'}.")
         return {"FINISHED"}

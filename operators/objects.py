@@ -11,7 +11,7 @@ from .refusal import needs, refuse
 
 
 class RLE_SPLAT_OT_choose_object(bpy.types.Operator):
-    """Select this object alone and make it the active one"""
+    """Select only this object and make it active"""
 
     bl_idname = "rle_splat.choose_object"
     bl_label = "Choose Object"

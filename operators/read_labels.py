@@ -11,7 +11,7 @@ from .refusal import has_editable_values, needs
 
 
 class RLE_SPLAT_OT_read_labels(StepwiseOperator, bpy.types.Operator):
-    """List the segments in the label file. Each can be hidden, or get its own color and opacity"""
+    """Read the segments of the label file into the list, where each has an eye, a color and an opacity"""
 
     bl_idname = "rle_splat.read_labels"
     bl_label = "Load Segments"

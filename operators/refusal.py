@@ -8,7 +8,7 @@ from ..bridge.translations import translate
 from ..bridge.volumes import encoded, volumes
 from ..rle_splat.scene import RleSplatError
 
-NO_VOLUME = "Import a volume first: File > Import > Volume (RLE Splat)"
+NO_VOLUME = "Import a volume first: File > Import > Volume"
 WHICH_VOLUME = "Select one of the volumes in the scene"
 
 

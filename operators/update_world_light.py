@@ -10,7 +10,8 @@ from .refusal import needs
 
 
 class RLE_SPLAT_OT_update_world_light(StepwiseOperator, bpy.types.Operator):
-    """Render the light that this world sheds on volumes; of an animated world, in all frames of the scene"""
+    """Update how this world lights volumes, after its nodes or images have changed. Renders an animated world in every
+    frame of the scene"""
 
     bl_idname = "rle_splat.update_world_light"
     bl_label = "Update World Light"

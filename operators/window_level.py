@@ -26,7 +26,7 @@ KEEPING = "Span the smallest to the largest value of the volume, and redraw the 
 
 
 class RLE_SPLAT_OT_window_level(bpy.types.Operator):
-    """Set the range of values that the colors and the opacity curve, or the slices, cover"""
+    """Set level and window: the range of values that colors and opacity, or the slices, cover"""
 
     bl_idname = "rle_splat.window_level"
     bl_label = "Window and Level"

@@ -52,8 +52,8 @@ class RLE_SPLAT_AP_preferences(bpy.types.AddonPreferences):
         ],
     )
     failed_frame: EnumProperty(
-        name="On Error", description="What renders do if the volume cannot be drawn in a frame; a scene takes "
-        "it over when the volume is included in its renders", items=FAILED_FRAME_ITEMS)  # fmt: skip
+        name="On Error", description="What renders do if the volume cannot be drawn in a frame; for scenes in "
+        "which Show in Renders is pressed from now on", items=FAILED_FRAME_ITEMS)  # fmt: skip
     show_live: BoolProperty(
         name="Show Volumes Live", default=True, update=_live_changed,
         description="Draw volumes in all 3D viewports whose eye is open in the RLE Splat tab")  # fmt: skip

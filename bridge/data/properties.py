@@ -78,17 +78,15 @@ PLAIN_TEXTS = {
     "classification": "Whether values become opacity and color before or after they are interpolated",
     "depth_rule": "How many layers are computed between neighboring slices, and how they are added up along the view",
     "sheet_density": "Pixels of a layer per pixel of the picture; 0 is one per voxel",
-    "kernel": "Shape in which a voxel is drawn; only Linear where values are interpolated",
-    "minification": "What prevents shimmer where voxels are smaller than pixels; only Off where values are "
-    "interpolated",
+    "kernel": "Shape in which a voxel is drawn; only Linear if Interpolate is Values",
+    "minification": "What prevents shimmer where voxels are smaller than pixels; only Off if Interpolate is Values",
     "warp_filter": "How the finished layers become the pixels of the picture",
-    "axis_fade": "Angle in degrees over which the picture changes from one stack of slices to another when the camera "
-    "turns, so that it does not jump; in orthographic views only",
-    "termination": "Share of light passing below which a pixel counts as opaque, so that what is behind it is skipped "
-    "(early ray termination)",
+    "axis_fade": "Degrees over which two stacks of slices are blended as the camera turns, so that the picture does "
+    "not jump; only in orthographic views",
+    "termination": "Skip what is behind matter that less than this share of the light passes (early ray termination)",
     "rays": "Ray cast pixels that differ from a neighbor by at least this much; slower and exact. 1 is from black to "
-    "white, 0 is off. Only where values are interpolated",
-    "model": "What is added up where voxels overlap; only Extinction where values are interpolated",
+    "white, 0 is off. Only if Interpolate is Values",
+    "model": "What is added up where voxels overlap; only Extinction if Interpolate is Values",
     "record": "Bytes in memory for each voxel; fewer lose accuracy",
 }
 
@@ -217,7 +215,7 @@ class SceneSettings(bpy.types.PropertyGroup):
     )  # fmt: skip
     indirect_light: LiveFloat(
         name="Indirect Light", default=0.0, min=0.0, max=1.0, precision=2,
-        description="Let light that casts shadows scatter in the volume, so that thin and soft matter is translucent; "
+        description="Scatter the light of lamps that cast shadows, so that skin, fat and thin parts are translucent; "
         "1 is full strength")  # fmt: skip
     clip_objects: LivePointer(
         name="Cutting Objects",

@@ -301,5 +301,7 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         name="Automatic", description="Smooth surfaces by the largest voxel spacing, at most 2 mm",
         **switch("smoothness", -1.0, 1.0))  # fmt: skip
     two_sided: LiveBool(
-        name="Two-Sided", default=True, description="Light surfaces from behind too, which suits noisy scans"
+        name="Two-Sided",
+        default=True,
+        description="Light surfaces also when they face away from the light, which suits noisy scans",
     )

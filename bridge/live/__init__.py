@@ -279,7 +279,7 @@ def remark_of(area) -> str:
     if not halvings:
         return ""
     return filled(
-        "Shown with voxels {times} times as large, because the volume's own need more memory than is free.",
+        "Shown with voxels {times} times as large, because all its voxels need more memory than is free.",
         times=2**halvings,
     )
 

@@ -143,7 +143,7 @@ def content(one, depsgraph) -> tuple:
     try:
         matrix = np.linalg.inv(frame) @ world_matrix(one, depsgraph)
     except np.linalg.LinAlgError:
-        raise RleSplatError(f"{owner.name!r} is scaled to nothing, so its slices are empty; set its scale.") from None
+        raise RleSplatError(f"{owner.name!r} has a scale of 0, so its slices are empty; set it above 0.") from None
     return volume, matrix, slice_window.read(evaluated.rle_splat)
 
 

@@ -62,7 +62,7 @@ def _axes(owner, corners: np.ndarray) -> np.ndarray:
     up = own[:, 2] / (np.linalg.norm(own[:, 2]) or 1.0)
     back = own[:, 1] - up * (own[:, 1] @ up)
     if np.linalg.norm(up) == 0.0 or np.linalg.norm(back) == 0.0:
-        raise RleSplatError(f"{owner.name} is scaled to nothing; set its scale.")
+        raise RleSplatError(f"{owner.name} has a scale of 0; set it above 0.")
     back /= np.linalg.norm(back)
     return np.stack((np.cross(back, up), back, up), axis=1)
 

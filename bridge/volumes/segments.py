@@ -193,7 +193,7 @@ def lowest_visible(owner, depsgraph=None) -> float:
     values = np.linspace(properties.value_low, properties.value_high, VALUES)
     opacities = transfer.read_transfer(owner, depsgraph).alpha_at(values)
     if not opacities.any():
-        raise RleSplatError(f"All of {owner.name!r} is transparent; change its transfer function.")
+        raise RleSplatError(f"All of {owner.name!r} is transparent; choose a preset.")
     return float(values[opacities >= VISIBLE * opacities.max()][0])
 
 

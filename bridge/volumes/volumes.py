@@ -89,7 +89,7 @@ def source_of(owner, frame: int) -> VolumeSource:
     """
     properties = owner.rle_splat
     if not properties.is_volume:
-        raise RleSplatError(f"{owner.name!r} is not a volume; import one with File > Import > Volume (RLE Splat).")
+        raise RleSplatError(f"{owner.name!r} is not a volume; import one with File > Import > Volume.")
     path, options = resolved_path(owner), read_options(properties)
     try:
         if properties.use_sequence:

@@ -20,12 +20,10 @@ def add_frames_option(parser) -> None:
     group = parser.add_argument_group("frames", "several pictures, OUT_0001.png, OUT_0002.png, ...")
     group.add_argument(
         "--frames", nargs=2, type=int, metavar=("A", "B"),
-        help="render the frames A to B, counted from 1, of --turn, of --camera-path, or else of a volume in time; "
-        "pictures that are there already, whole and of the same scene, are not made again",
+        help="render frames A to B, counted from 1; of --turn, of --camera-path, or else of a volume in time; pictures "
+        "that are there already, whole and of the same scene, are not made again",
     )  # fmt: skip
-    group.add_argument(
-        "--turn", type=float, metavar="DEG", help="with --frames: turn the turntable by so many degrees each frame"
-    )
+    group.add_argument("--turn", type=float, metavar="DEG", help="degrees by which the turntable turns each frame")
     group.add_argument(
         "--camera-path",
         metavar="FILE.json",

@@ -15,11 +15,11 @@ def add_light_effect_options(parser, with_pass: bool = True) -> None:
     group.add_argument(
         "--shadows",
         action="store_true",
-        help="let the lights of --lights cast shadows, except those with casts_shadow false; a headlight casts none",
+        help="let --lights cast shadows; not those with casts_shadow false; a headlight casts none",
     )
     group.add_argument(
         "--world", nargs=3, type=float, metavar=("R", "G", "B"),
-        help="scene-linear radiance from all directions, like the color of Blender's world",
+        help="scene-linear light from all directions, as Blender's world",
     )  # fmt: skip
     group.add_argument(
         "--environment",
@@ -29,12 +29,12 @@ def add_light_effect_options(parser, with_pass: bool = True) -> None:
     )
     group.add_argument(
         "--ambient-occlusion", type=float, default=0.0, metavar="STRENGTH",
-        help="darken places where the volume blocks the light from all directions, 0 (off, the default) to 1",
+        help="darken hollows, 0 (off, the default) to 1",
     )  # fmt: skip
     group.add_argument(
         "--indirect-light", type=float, default=0.0, metavar="AMOUNT",
-        help="scatter light that casts shadows, so that thin and soft matter is translucent, 0 (off, the default) to "
-        "1; only with --classification post",
+        help="translucency, 0 (off, the default) to 1; light that casts shadows scatters in the volume; only with "
+        "--classification post",
     )  # fmt: skip
     if with_pass:
         group.add_argument(

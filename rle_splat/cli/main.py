@@ -99,6 +99,7 @@ def _build_parser(asked: str | None):
 
     from ..runtime.cache_folder import RELEASE
     from ..scene import RleSplatError
+    from .help_text import HelpAll, brief_help, usage
 
     class Parser(argparse.ArgumentParser):
         """An argparse parser that raises RleSplatError for a wrong command line."""
@@ -110,22 +111,30 @@ def _build_parser(asked: str | None):
                 message = "Option " + message[len("argument ") :]
             raise RleSplatError(f"{message}; see {self.prog} --help.")
 
+    class CommandParser(Parser):
+        """The parser of one command, whose ``--help`` is brief."""
+
+        def format_help(self):
+            return brief_help(self)
+
     parser = Parser(
         prog="rle-splat", allow_abbrev=False, description="Render volumes by splatting run-length encoded voxels."
     )
     parser.add_argument("--version", action="version", version=f"rle-splat {RELEASE}", help="print the version")
     parser.add_argument("--debug", action="store_true", help="show the traceback of an error")
-    commands = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=Parser)
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", parser_class=CommandParser)
     for name, purpose in COMMANDS.items():
         command = commands.add_parser(
             name, help=purpose, description=purpose, epilog=f"example: {example(name)}", allow_abbrev=False
         )
+        command.add_argument("--help-all", action=HelpAll, nargs=0, default=argparse.SUPPRESS, help="show every option")
         command.add_argument(
             "--debug", action="store_true", default=argparse.SUPPRESS, help="show the traceback of an error"
         )
         if name == asked:
             module = import_module(f".{name}", __package__)
             module.add_arguments(command)
+            command.usage = usage(command)
             command.set_defaults(run=module.run, prog=command.prog)
     return parser
 

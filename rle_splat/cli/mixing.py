@@ -24,11 +24,11 @@ TABLE_HIDDEN = "What lies beside the body, such as a table, is hidden; --keep-ta
 def add_mixing_options(parser) -> None:
     """Add the options of labels and channels."""
     group = parser.add_argument_group("segments and channels", "further volumes of the same place")
-    group.add_argument("--labels", metavar="FILE", help="a label map: a volume of whole numbers, or a folder of masks")
+    group.add_argument("--labels", metavar="FILE", help="a label map, or a folder of masks")
     group.add_argument(
         "--label-functions",
         metavar="FILE.json",
-        help="the colors and transfer functions of the segments: a list of {label, name, hidden, color, preset, "
+        help="colors and transfer functions of the segments; a list of {label, name, hidden, color, preset, "
         "transfer_function}, or a label description of ITK-SNAP (.txt, .label); without it, the names and colors in "
         "the label file, or distinct colors if it has none",
     )
@@ -53,7 +53,7 @@ def add_mixing_options(parser) -> None:
     group.add_argument(
         "--keep-table",
         action="store_true",
-        help="show the table or the head holder of a CT. Without this, --labels or --transfer-function it is hidden if "
+        help="show the table or the head holder of a CT; without this, --labels or --transfer-function it is hidden if "
         "at least 0.6 %% of the voxels shown lie beside the body",
     )
 

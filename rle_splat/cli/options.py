@@ -63,7 +63,7 @@ def add_volume_argument(parser, also=()) -> None:
     parser.add_argument(
         "volume",
         metavar="VOLUME",
-        help=f"the file to read, or the folder of a DICOM series or an OME-Zarr: {', '.join((*suffixes(), *also))}",
+        help=f"the file, or the folder of a DICOM series or an OME-Zarr; suffixes: {', '.join((*suffixes(), *also))}",
     )
 
 
@@ -93,8 +93,8 @@ def add_volume_options(parser) -> None:
     )
     group.add_argument(
         "--level", type=int, metavar="N",
-        help="the level of an OME-Zarr pyramid, 0 for the finest (default the finest that fits into memory); of other "
-        "formats, keep every 2^N-th voxel along each axis, for a quick look (default 0, all)")  # fmt: skip
+        help="the level of an OME-Zarr pyramid, 0 for the finest; default the finest that fits into memory; of other "
+        "formats, keep every 2^N-th voxel along each axis, for a quick look")  # fmt: skip
     group.add_argument("--frame", type=int, metavar="N", help="the frame, from 1, of a volume in time (default 1)")
     group.add_argument("--unit", metavar="NAME", help="unit of lengths (default mm)")
     group.add_argument("--value-unit", metavar="NAME", help="unit of values, such as HU")
@@ -128,9 +128,8 @@ def add_report_options(parser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--memory-limit", type=memory_size, metavar="SIZE",
-        help="the most memory of its own to take, such as 2GiB or 800MiB; large pictures are then made in tiles, and a "
-             "command that needs more ends with an error; mapped files do not count, though the system may show them "
-             "as memory of the process",
+        help="the most memory to take, such as 2GiB or 800MiB; large pictures are then made in tiles; what needs more "
+             "gives an error; mapped files do not count",
     )  # fmt: skip
 
 
@@ -141,26 +140,25 @@ def add_transfer_function_options(parser) -> None:
     one.add_argument(
         "--transfer-function",
         metavar="FILE",
-        help="a file with points of opacity and color (JSON), presets of 3D Slicer (.xml, .mrml, .vp, .vp.json), or a "
-        "color map of niivue (.json) or FSL (.cmap)",
+        help="a file of RLE Splat or 3D Slicer, or a color map; points of opacity and color (.json), presets of 3D "
+        "Slicer (.xml, .mrml, .vp, .vp.json), color maps of niivue (.json) and FSL (.cmap)",
     )
     one.add_argument("--preset", metavar="NAME", help=f"a built-in transfer function: {', '.join(PRESETS)}")
     group.add_argument("--transfer-name", metavar="NAME", help="which transfer function of a file that holds several")
     group.add_argument(
         "--smoothness", type=float, metavar="MM",
-        help="standard deviation of the Gaussian that values are smoothed with before light is computed, 0 for none; "
-        "by default that of the transfer function, else the largest voxel spacing, at most 2 mm; only with "
-        "--classification post",
+        help="how far surfaces are smoothed for light; standard deviation of a Gaussian, 0 for none; default that of "
+        "the transfer function, else the largest voxel spacing, at most 2 mm; only with --classification post",
     )  # fmt: skip
 
 
 def add_light_options(parser) -> None:
     """Add the options of the lights."""
     group = parser.add_argument_group("lights")
-    group.add_argument("--lights", metavar="FILE.json", help="a list of lights with the properties of Blender's lights")
+    group.add_argument("--lights", metavar="FILE.json", help="lights with the properties of Blender's")
     group.add_argument(
         "--headlight", action=argparse.BooleanOptionalAction, default=None,
-        help="one white parallel light along the camera's axis (default for the turntable without --lights)",
+        help="a white parallel light along the camera's axis; default for the turntable without --lights",
     )  # fmt: skip
     group.add_argument(
         "--no-shading", action="store_true", help="show the colors of the transfer function without lights"
@@ -172,8 +170,8 @@ def add_effect_options(parser) -> None:
     group = parser.add_argument_group("effects")
     group.add_argument(
         "--effect", action="append", default=[], metavar="NAME=on|off|auto",
-        help="force an effect on or off; auto (the default) uses it if the scene needs it; may be given several times; "
-        "an unknown name lists them all",
+        help="force an effect on or off, several times if needed; auto (the default) uses it if the scene needs it; an "
+        "unknown name lists all",
     )  # fmt: skip
 
 
@@ -199,11 +197,16 @@ def effects_from(args) -> dict[str, bool]:
 def add_turntable_options(parser) -> None:
     """Add the options of the turntable camera."""
     group = parser.add_argument_group("turntable", "an orthographic view of the volume from the front unless given")
-    group.add_argument("--azimuth", type=float, metavar="DEG", help="angle about +Z; 0 (default) looks along +Y")
-    group.add_argument("--elevation", type=float, metavar="DEG", help="0 (default) is level, 90 looks straight down")
+    group.add_argument(
+        "--azimuth",
+        type=float,
+        metavar="DEG",
+        help="degrees about the vertical; 0 (default) is from the front, along +Y",
+    )
+    group.add_argument("--elevation", type=float, metavar="DEG", help="degrees above the horizon (default 0)")
     group.add_argument(
         "--fit", type=float, metavar="F",
-        help="height of the view as a multiple of the volume's largest side (default 1.25)")  # fmt: skip
+        help="height of the view, in largest sides of the volume (default 1.25)")  # fmt: skip
     group.add_argument(
         "--perspective", action="store_true", default=None, help="a perspective view instead of an orthographic one"
     )
@@ -215,7 +218,7 @@ def add_placement_options(parser) -> None:
     group = parser.add_argument_group("placement")
     group.add_argument(
         "--camera", metavar="FILE.json",
-        help="a camera with the properties of Blender's camera, instead of the turntable")  # fmt: skip
+        help="a camera with the properties of Blender's, instead of the turntable")  # fmt: skip
     group.add_argument(
         "--volume-matrix", metavar="FILE.json", help="4x4 matrix from the volume's own space to the world"
     )
@@ -237,7 +240,7 @@ def add_scene_options(parser) -> None:
 def add_clip_option(parser) -> None:
     """Add the option of clip objects."""
     parser.add_argument(
-        "--clip", metavar="FILE.json", help="planes and boxes that cut the volume: a list of {kind, matrix_world, keep}"
+        "--clip", metavar="FILE.json", help="planes and boxes that cut the volume; a list of {kind, matrix_world, keep}"
     )
 
 
@@ -266,11 +269,11 @@ def add_image_options(parser) -> None:
     add_size_option(parser)
     parser.add_argument(
         "--crop", nargs=4, type=int, metavar=("LEFT", "TOP", "RIGHT", "BOTTOM"),
-        help="render only this part of the picture, in pixels from the top left; RIGHT and BOTTOM are not included",
+        help="render a part only, in pixels from the top left; RIGHT and BOTTOM are not included",
     )  # fmt: skip
     parser.add_argument(
         "--background", type=background_color, metavar="|".join(("R G B", *BACKGROUNDS)),
-        help="scene-linear color behind the picture in a .png; without it a .png is transparent, with straight alpha",
+        help="what is behind the picture in a .png; a scene-linear color; default transparent, with straight alpha",
     )  # fmt: skip
 
 
@@ -278,7 +281,7 @@ def add_mode_option(parser) -> None:
     """Add the option of the mode."""
     parser.add_argument(
         "--mode", default=MODES[0], metavar="|".join(MODES),
-        help=f"what a pixel shows of its ray: {', '.join(MODE_TEXTS.values())} (default {MODES[0]})",
+        help=f"what a pixel shows of its ray (default {MODES[0]}); {', '.join(MODE_TEXTS.values())}",
     )  # fmt: skip
 
 
@@ -286,11 +289,11 @@ def add_quality_options(parser) -> None:
     """Add the options of the quality, the knobs, and the machine."""
     group = parser.add_argument_group(
         "quality",
-        "--quality, --paper, or single settings; --classification may be combined with --quality and settings "
+        "a named quality, or single settings; --classification may be combined with both "
         f"(default {DEFAULT_CLASSIFICATION}, or pre if a setting needs it)",
     )
     group.add_argument("--quality", metavar="NAME", help=f"{'|'.join(QUALITY_PRESETS)} (default {DEFAULT_QUALITY})")
-    group.add_argument("--paper", action="store_true", help="the algorithm exactly as published, classification pre")
+    group.add_argument("--paper", action="store_true", help="the algorithm as published, classification pre")
     for option, (name, kind, values) in KNOBS.items():
         group.add_argument(option, dest=name, type=kind, metavar=values, help=KNOB_TEXTS[name])
     group.add_argument("--refinement", help=argparse.SUPPRESS)  # of the classification refined of earlier versions
@@ -303,11 +306,9 @@ def add_tolerance_options(parser) -> None:
 
     group = parser.add_argument_group(
         "tolerance",
-        "instead of a quality: settings are chosen, the error is measured, and finer ones follow if it is too large",
+        "instead of a quality; settings are chosen, the error is measured, and finer ones follow if it is too large",
     )
-    group.add_argument(
-        "--tolerance", type=float, metavar="LEVELS", help="largest allowed error of any channel, in levels of 1/255"
-    )
+    group.add_argument("--tolerance", type=float, metavar="LEVELS", help="largest allowed error, in levels of 1/255")
     group.add_argument(
         "--probes", type=int, metavar="N",
         help=f"number of pixels at which the error is measured (default {PROBES}); 0 predicts it only",
@@ -323,7 +324,7 @@ def add_machine_options(parser) -> None:
     """Add the options of threads and voxel records."""
     group = parser.add_argument_group("machine")
     group.add_argument(
-        "--threads", type=int, default=0, metavar="N", help="number of threads; 0 (default) uses all processor cores"
+        "--threads", type=int, default=0, metavar="N", help="number of threads (default 0, all processor cores)"
     )
     group.add_argument(
         "--record", type=int, metavar="BYTES",

@@ -3,8 +3,8 @@
     python3 dev.py blender --photograph tests/blender/record_guides.py --size 1280x800
 
 writes how-to-*.jpg and organs-*.jpg into build/window-shots/record_guides.  In tests/blender/data are: ``scan``, the
-DICOM series of the gallery's skull; ``cta_aorta_labels``, the dissected aorta with its segments; and
-``cthead_256x256x113_uint16be.raw.gz``.
+DICOM series of the gallery's skull; ``cta_aorta_labels``, the dissected aorta with its segments;
+``t1_head_188x256x190_uint8.nii.gz``; and ``cthead_256x256x113_uint16be.raw.gz``.
 how-to-preferences.jpg is a part of preferences.png of window_panels.py.
 """
 
@@ -39,6 +39,7 @@ DATA = Path(__file__).parent / "data"
 HEAD, ORGANS, QUALITY = "560x560+190+170", "540x610+160+140", "70"
 BEATING, PANEL, REPORT = "280x330+380+230", "260x330+990+448", "945x695+310+82"
 RAW, AORTA = "cthead_256x256x113_uint16be.raw.gz", "cta_aorta_labels"
+HEAD_MR = "t1_head_188x256x190_uint8.nii.gz"
 SCANS = Path("/scans")  # of the small system: a path that a reader could have
 NEARER = "0.15"  # m that a name is brought nearer to the camera, as it is typed
 KEYS = {".": "PERIOD", "0": "ZERO", "1": "ONE", "5": "FIVE"}  # of Blender, for what is typed
@@ -111,35 +112,52 @@ def activate(volume) -> None:
     bpy.context.view_layer.objects.active = volume
 
 
-def set_up_slices():
+def bare() -> None:
+    """The viewport without floor, axes and cursor."""
+    overlay = area_of("VIEW_3D").spaces.active.overlay
+    overlay.show_relationship_lines = overlay.show_cursor = False
+    overlay.show_floor = overlay.show_axis_x = overlay.show_axis_y = False
+
+
+def curve():
     volume = yield from skull()
     with in_the_view():
+        assert bpy.ops.rle_splat.change_segment(tool="GROW", length=2.0) == {"FINISHED"}
+    volume.rle_splat.shift_by, volume.rle_splat.opacity_unit_distance = -100.0, 0.05  # thin walls are whole
+    bpy.context.scene.rle_splat.quality, bpy.context.scene.rle_splat.ambient_occlusion = "fine", 0.7
+    bare()
+    look_from(80.0, 30.0, 0.72)
+    yield from settled()
+    yield from keep("how-to-curve")
+    passed("curve")
+
+
+def set_up_slices():
+    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_slices")
+    yield from begin()
+    with in_the_view():
+        assert bpy.ops.rle_splat.import_volume(filepath=str(DATA / HEAD_MR), at_cursor=True) == {"FINISHED"}
+    volume = bpy.context.view_layer.objects.active
+    volume.select_set(False)
+    bare()
+    look_from(76.0, 30.0, 0.5)
+    with in_the_view():
         assert bpy.ops.rle_splat.four_up("EXEC_DEFAULT", True) == {"FINISHED"}
-    volume.rle_splat.slice_center, volume.rle_splat.slice_width = 100.0, 1500.0
     activate(volume)
     yield from settled()
     yield from keep("how-to-slices")
     passed("slices")
 
 
-def window_and_curve():
+def smoothness():
+    open_panels("RLE_SPLAT_PT_volume", *(f"RLE_SPLAT_PT_{name}" for name in PANELS))
     volume = yield from skull()
-    yield from keep("how-to-curve")
-    with in_the_view():
-        bpy.ops.rle_splat.use_window_tool()
-    simulate("MOUSEMOVE", "NOTHING", middle(150.0, -30.0))
-    yield
-    simulate("MOUSEMOVE", "NOTHING", middle(151.0, -30.0))
-    yield from settled()
-    yield from keep("how-to-window")
-    with in_the_view():
-        bpy.ops.wm.tool_set_by_id(name="builtin.select_box")
     for name, smoothness in (("rough", 0.0), ("smooth", 2.0)):
         volume.rle_splat.smoothness = smoothness
         yield from settled()
         yield from keep(name, HEAD)
     beside("how-to-smoothness", "rough", "smooth")
-    passed("window, curve, smoothness")
+    passed("smoothness")
 
 
 def table_and_surface():
@@ -148,13 +166,16 @@ def table_and_surface():
     beside("how-to-table", "holder", "free")
     with in_the_view():
         assert bpy.ops.rle_splat.extract_surface(of="VALUE", value=250.0) == {"FINISHED"}
-    made = bpy.context.view_layer.objects.active
+    made, view = bpy.context.view_layer.objects.active, area_of("VIEW_3D").spaces.active
+    made.select_set(False)  # its wires would be orange
+    made.hide_set(True)
     yield from settled()
     yield from keep("volume", HEAD)
+    made.hide_set(False)
     made.modifiers.new("Decimate", "DECIMATE").ratio = 0.03
     volume.hide_set(True)
-    overlay = area_of("VIEW_3D").spaces.active.overlay
-    overlay.show_wireframes, overlay.wireframe_threshold = True, 1.0
+    view.shading.color_type = "VERTEX"
+    view.overlay.show_wireframes, view.overlay.wireframe_threshold, view.overlay.wireframe_opacity = True, 1.0, 0.4
     yield from wait_for_rest()
     yield from keep("mesh", HEAD)
     beside("how-to-surface", "volume", "mesh")
@@ -169,8 +190,7 @@ def pinned():
     camera.data.clip_start, camera.data.sensor_width = 0.01, 72.0  # that of a viewport
     scene.collection.objects.link(camera)
     scene.camera, camera.matrix_world = camera, region.view_matrix.inverted()
-    overlay = area_of("VIEW_3D").spaces.active.overlay
-    overlay.show_floor = overlay.show_axis_x = overlay.show_axis_y = False
+    bare()
     scene.render.resolution_x, scene.render.resolution_y = 800, 600
     activate(volume)
     with in_the_view():
@@ -248,6 +268,15 @@ def tutorial_of_organs():
     yield from settled()
     yield from wait_for_rest()
     yield from keep("organs-2-imported")
+    with in_the_view():
+        bpy.ops.rle_splat.use_window_tool()
+    for x in (20.0, 21.0):
+        simulate("MOUSEMOVE", "NOTHING", middle(x, 60.0))
+        yield
+    yield from settled()
+    yield from keep("how-to-window")
+    with in_the_view():
+        bpy.ops.wm.tool_set_by_id(name="builtin.select_box")
     yield from keep("whole", ORGANS)
     ours = volume.rle_splat
     false = next(n for n, row in enumerate(ours.labels) if row.label_name == "aorta_false_lumen")
@@ -431,9 +460,7 @@ def in_time():
     volume.rle_splat.playback, bpy.context.scene.rle_splat.quality = "LOOP", "fine"
     volume.rle_splat.smoothness = 3.0
     volume.select_set(False)
-    overlay = area_of("VIEW_3D").spaces.active.overlay
-    overlay.show_floor = overlay.show_axis_x = overlay.show_axis_y = overlay.show_cursor = False
-    overlay.show_relationship_lines = False
+    bare()
     look_from(48.0, -30.0, 0.6)
     for number in (1, 4, 7):
         bpy.context.scene.frame_set(number)
@@ -482,6 +509,6 @@ def scenario():
 
 
 PARTS = (
-    set_up_slices, window_and_curve, table_and_surface, raw_file, pinned, tutorial_of_organs, in_time, reported, named,
+    curve, set_up_slices, smoothness, table_and_surface, raw_file, pinned, tutorial_of_organs, in_time, reported, named,
 )  # fmt: skip
 drive(scenario)

@@ -107,7 +107,7 @@ def test_a_patient_is_seen_from_a_side(viewport, bridge, core, tmp_path, refused
     np.testing.assert_allclose(np.array(view.view_rotation.to_matrix())[:, 2], (0.0, -1.0, 0.0), atol=1e-6)
     owner.scale = (0.0, 0.0, 0.0)
     bpy.context.view_layer.update()
-    refused(bpy.ops.rle_splat.frame_volume, "is scaled to nothing", side="A")
+    refused(bpy.ops.rle_splat.frame_volume, "has a scale of 0", side="A")
 
 
 def test_what_cannot_be_framed_is_said(viewport, tmp_path, refused):

@@ -84,8 +84,8 @@ ENCODED = ["volume.rle", *(f"{one}.rle" for one in knobs.CLASSIFICATIONS)]
 VIEWS = ["", "--elevation 90", "--perspective", "--clip clips.json", "--quality fine"]
 # In every command line; they choose what is read of other formats; they render elsewhere.
 NOT_DRIVEN = (
-    "--shape", "--dtype", "--output", "-o", "--help", "--grid", "--series", "--frame", "--like", "--dask", "--workers",
-    "--slabs", "--file-channels",
+    "--shape", "--dtype", "--output", "-o", "--help", "--help-all", "--grid", "--series", "--frame", "--like", "--dask",
+    "--workers", "--slabs", "--file-channels",
 )  # fmt: skip
 
 

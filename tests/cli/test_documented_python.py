@@ -1,4 +1,4 @@
-"""The example of docs/how-to/use-from-python.md runs as it stands there, on a small volume and picture."""
+"""The examples of docs/how-to/use-from-python.md and of the README run as they stand there."""
 
 import re
 from dataclasses import replace
@@ -9,16 +9,27 @@ import pytest
 
 import rle_splat
 
-PAGE = Path(__file__).resolve().parents[2] / "docs/how-to/use-from-python.md"
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = ROOT / "docs/how-to/use-from-python.md"
 SIDE = 48  # voxels and pixels
 
 
-pytest.importorskip("SimpleITK")
+def _python_of(page: Path) -> str:
+    return "".join(re.findall(r"^```python\n(.*?)^```", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL))
+
+
+def test_the_example_of_the_readme_needs_no_file(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    names = {}
+    exec(compile(_python_of(ROOT / "README.md"), "README.md", "exec"), names)
+    assert 0.02 < (names["rendering"].rgba[..., 3] > 0.5).mean() < 0.5 and "values" in capsys.readouterr().out
+    assert [path.name for path in tmp_path.iterdir()] == ["out.png"] and (tmp_path / "out.png").stat().st_size > 10_000
 
 
 @pytest.mark.slow  # it compiles the kernels of the quality fine and of a tolerance
 def test_the_documented_example_runs(tmp_path, monkeypatch, capsys):
-    text = "".join(re.findall(r"^```python\n(.*?)^```", PAGE.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL))
+    pytest.importorskip("SimpleITK")
+    text = _python_of(PAGE)
     for old, new in (
         ("scan.raw.gz", "scan.raw"),
         ("organs.nii.gz", "organs.nrrd"),

@@ -245,7 +245,7 @@ def test_a_table_is_hidden_where_a_scan_is_first_seen(call, tmp_path, write_json
     assert shows("--keep-table") == shows("--transfer-function", function) == (True, True)
 
     figure, again = tmp_path / "figure.png", tmp_path / "again.png"
-    scan = words.replace("--size 64 ", "").split()
+    scan = words.replace("--size 64 ", "--width-cm 4 --dpi 60 ").split()
     made = [call("figure", tmp_path / "ct.raw", *scan, "-o", figure, *more) for more in ((), ("--keep-table",), ())]
     assert [("--keep-table" in one.out, one.code) for one in made] == [(True, 0), (False, 0), (True, 0)]
     result = call("figure", figure.with_suffix(".figure.json"), "-o", again)

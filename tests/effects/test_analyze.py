@@ -111,8 +111,12 @@ PAIRS = {
 PRICED = [label for label, price in prices.PRICES.items() if price.effect not in PAIRS]  # modes and two clips, too
 
 
-@pytest.mark.parametrize("classification", CLASSIFICATIONS)
-@pytest.mark.parametrize("name", PAIRS)
+@pytest.mark.parametrize(
+    ("name", "classification", "way"),
+    (*((name, one, "numba") for name in PAIRS for one in CLASSIFICATIONS),
+     *((name, CLASSIFICATIONS[number % 2], "numpy") for number, name in enumerate(PAIRS))),
+    indirect=["way"],
+)  # fmt: skip
 def test_an_effect_forced_off_leaves_the_picture_of_a_scene_without_it(name, classification, way):
     quality = Quality(classification=classification)
     having, without = PAIRS[name]

@@ -36,9 +36,11 @@ CASES = {
 
 
 @pytest.mark.parametrize(
-    ("perspective", "way"), [(False, "numba"), (True, "numba"), (False, "numpy")], indirect=["way"]
-)
-@pytest.mark.parametrize("case", CASES)
+    ("case", "perspective", "way"),
+    (*((case, bool(number % 2), "numba") for number, case in enumerate(CASES)), ("post", True, "numba"),
+     ("pre", False, "numba"), *((case, False, "numpy") for case in ("post", "pre", "mip", "crop"))),
+    indirect=["way"],
+)  # fmt: skip
 def test_only_what_differs_is_splatted_again_and_the_picture_is_the_same(case, perspective, way, monkeypatch):
     more, classification = CASES[case]
     scene = scene_of(perspective, **more)

@@ -153,8 +153,8 @@ def test_wrong_panes_end_in_a_sentence(panes, shares, sentence, way):
 def test_a_tolerance_is_kept_through_glass():
     """It is kept without the glass, which makes no error larger."""
     scene = scene_of()
-    plain = render_within(scene, 1.0)
-    found = render_within(behind_glass(scene, (pane(scene, 0.5 * middle_depth(scene)), GREEN)), 1.0)
+    plain = render_within(scene, 1.0, probes=200)
+    found = render_within(behind_glass(scene, (pane(scene, 0.5 * middle_depth(scene)), GREEN)), 1.0, probes=200)
     np.testing.assert_allclose(found.rgba, plain.rgba * np.float32(GREEN), atol=2.0 / 255.0)
     assert found.report["error"]["kept"] and plain.report["error"]["kept"]
     rows = {row["name"]: row for row in found.report["effects"]}

@@ -21,7 +21,7 @@ from pydicom.uid import JPEGBaseline8Bit, JPEGLSLossless
 from . import dicom_phantoms as phantoms
 from .test_dicom_segmentation import truth, write_seg
 
-COUNT = int(os.environ.get("RLE_SPLAT_FUZZ", "120"))
+COUNT = int(os.environ.get("RLE_SPLAT_FUZZ", "80"))
 SEED = int(os.environ.get("RLE_SPLAT_FUZZ_SEED", "1"))
 SECONDS = 20.0  # for one file, on a busy machine; a decoder that hangs is ended after 10
 MEMORY = 64 << 20  # bytes beyond the honest file's peak
@@ -90,6 +90,7 @@ class Reader:
         return self.process.communicate()[1] if self.process is not None else ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "syntaxes", [
         (*phantoms.WRITABLE, *phantoms.BY_PILLOW),

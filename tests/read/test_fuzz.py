@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-COUNT = int(os.environ.get("RLE_SPLAT_FUZZ", "600"))
+COUNT = int(os.environ.get("RLE_SPLAT_FUZZ", "400"))
 MOST_MEGABYTES = 64  # more than the honest files took; they are small
 
 

@@ -56,12 +56,11 @@ def test_rows_are_splatted_a_few_at_a_time(columns, sheets, workers, mixed, monk
     assert most == least or most * (columns + 24) * sheets <= (750_000 if mixed else 6_000_000) * workers
 
 
-@pytest.mark.parametrize("record", (16, 8))
-def test_what_follows_a_cancelled_picture_is_as_if_it_had_never_been(record, monkeypatch):
+def test_what_follows_a_cancelled_picture_is_as_if_it_had_never_been(monkeypatch):
     """Cancelled at every step there is; then both the picture that was kept and the cancelled one keep their bits."""
     monkeypatch.setattr(sys.modules[encode.__module__], "RECORDS_AT_ONCE", 1500)  # more steps, as large volumes have
     first, other = two_pictures()
-    quality = replace(QUALITY, record=record)
+    quality = QUALITY
     undisturbed = {name: render(scene, quality) for name, scene in (("first", first), ("other", other))}
     store = StageCache()
     render(first, quality, cache=store)

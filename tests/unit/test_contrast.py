@@ -67,6 +67,7 @@ def test_a_part_without_air_around_it():
     assert is_enhanced(scan(inside)) and not is_enhanced(scan(trunk()[:, 30:66, 46:76]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "changes", "expected"),
     [

@@ -110,8 +110,10 @@ def test_an_edit_redoes_only_what_it_must(name, classification, dtype):
 
 
 @NUMPY
-@every_classification
-@pytest.mark.parametrize("name", ("light", "opacities", "fewer values shown", "another principal axis"))
+@pytest.mark.parametrize(
+    ("name", "classification"),
+    (("light", "pre"), ("opacities", "post"), ("fewer values shown", "post"), ("another principal axis", "pre")),
+)
 def test_the_numpy_reference_is_kept_alike(name, classification, way):
     edited, first, *stages = EDITS[name]
     redone = work_of(scene(**edited), scene(**first), QUALITIES[classification])
@@ -150,7 +152,7 @@ def test_a_wider_range_that_is_kept_gives_the_same_picture(dtype, rule, way):
 
     Between two sheets they would, so that there each range keeps its own."""
     volume, quality = ball(dtype), replace(POST, depth_rule=rule)
-    for function in (NARROWER, STEPS, SPLIT):
+    for function in (NARROWER, STEPS, SPLIT)[: 1 if way == "numpy" else None]:
         edited = scene(function=function, volume=volume, headlight=True)
         cache = StageCache()
         render(scene(function=FUNCTION, volume=volume, headlight=True), quality, cache=cache)

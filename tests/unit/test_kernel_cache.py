@@ -227,10 +227,11 @@ class Pair(NamedTuple):
 def both(pair):
     return pair.one + pair.other
 """
-CALL_AS = """
-import importlib, sys
-module = importlib.import_module(sys.argv[1])
-print(module.both(module.Pair(1, 2)), sum(module.both.stats.cache_hits.values()))
+CALL_BOTH = """
+import importlib
+for name in ("outer.inner.pairs", "inner.pairs"):
+    module = importlib.import_module(name)
+    print(module.both(module.Pair(1, 2)), sum(module.both.stats.cache_hits.values()))
 """
 
 
@@ -241,14 +242,13 @@ def test_a_package_that_is_imported_by_two_names_has_its_kernels_under_each(tmp_
     for folder in (outer, outer / "inner"):
         (folder / "__init__.py").write_text("", encoding="utf-8")
     (outer / "inner" / "pairs.py").write_text(OF_A_PAIR, encoding="utf-8")
-    environ = {**os.environ, CACHE_VARIABLE: str(tmp_path / "kept")}
+    paths = os.pathsep.join(map(str, (ROOT, tmp_path, outer)))
+    environ = {**os.environ, CACHE_VARIABLE: str(tmp_path / "kept"), "PYTHONPATH": paths, "PYTHONSAFEPATH": "1"}
     for hits in (0, 1):
-        for root, name in ((tmp_path, "outer.inner.pairs"), (outer, "inner.pairs")):
-            done = subprocess.run(
-                [sys.executable, "-c", CALL_AS, name], cwd=outer, capture_output=True, text=True, check=False,
-                env={**environ, "PYTHONPATH": os.pathsep.join((str(ROOT), str(root))), "PYTHONSAFEPATH": "1"},
-            )  # fmt: skip
-            assert done.stdout.split() == ["3", str(hits)], done.stderr
+        done = subprocess.run(
+            [sys.executable, "-c", CALL_BOTH], cwd=outer, capture_output=True, text=True, check=False, env=environ
+        )
+        assert done.stdout.splitlines() == [f"3 {hits}"] * 2, done.stderr
 
 
 OF_MANY_FILES = """
@@ -288,38 +288,26 @@ class Copy:
         return done.stdout.strip()
 
 
-@pytest.mark.parametrize("variable", (CACHE_VARIABLE, NUMBA_VARIABLE))
-def test_an_edited_part_of_a_kernel_is_compiled_and_nothing_else(tmp_path, variable):
-    """In our folder, and in one that the user has given numba."""
-    copy = Copy(tmp_path, variable)
-    assert copy.runs() == "2 2 5 0"
-    assert copy.runs() == "2 2 5 1"
-    if variable == NUMBA_VARIABLE:
-        return  # what follows is the same code
+def test_a_folder_that_the_user_has_given_numba_is_used(tmp_path):
+    copy = Copy(tmp_path, NUMBA_VARIABLE)
+    assert [copy.runs(), copy.runs()] == ["2 2 5 0", "2 2 5 1"]
+
+
+def test_settings_parts_and_constants_of_other_files_are_in_the_key_of_a_kernel_and_nothing_else(tmp_path):
+    copy = Copy(tmp_path)
+    assert [copy.runs(), copy.runs(NUMBA_OPT="1")] == ["2 2 5 0"] * 2
     copy.edit("scene/quality.py", "MODELS = (", "# A remark.\nUNUSED = 7\nMODELS = (")  # no kernels there
-    lines = copy.folder / "encode" / "line_bits.py"
+    lines, shift = copy.folder / "encode" / "line_bits.py", copy.folder / "shift.py"
     lines.write_text("# A line above the kernels.\n" + lines.read_text(encoding="utf-8"), encoding="utf-8")
     assert copy.runs() == "2 2 5 1"
-    copy.edit("encode/line_bits.py", "runs[run] = x - end\n", "runs[run] = x - end + 40\n")
-    assert copy.runs() == "42 42 5 0"
-
-
-def test_a_constant_of_another_file_is_part_of_the_key(tmp_path):
-    copy = Copy(tmp_path)
     copy.edit("encode/line_bits.py", "runs[run] = x - end\n", "runs[run] = x - end + SHIFT\n")
     copy.edit("encode/line_bits.py", "from ..runtime.jit", "from ..shift import SHIFT\nfrom ..runtime.jit")
-    (copy.folder / "shift.py").write_text("SHIFT = 1\n", encoding="utf-8")
-    assert [copy.runs(), copy.runs()] == ["3 3 5 0", "3 3 5 1"]
-    (copy.folder / "shift.py").write_text("SHIFT = 2\n", encoding="utf-8")
+    shift.write_text("SHIFT = 1\n", encoding="utf-8")
+    assert copy.runs() == "3 3 5 0"
+    shift.write_text("SHIFT = 2\n", encoding="utf-8")
     assert copy.runs() == "4 4 5 0"
-    (copy.folder / "shift.py").write_text("SHIFT = 1\n", encoding="utf-8")
+    shift.write_text("SHIFT = 1\n", encoding="utf-8")
     assert copy.runs() == "3 3 5 1"  # an earlier edition is still there
-
-
-def test_settings_of_numba_are_part_of_the_key(tmp_path):
-    copy = Copy(tmp_path)
-    assert [copy.runs(), copy.runs(NUMBA_OPT="1"), copy.runs(), copy.runs(NUMBA_OPT="1")] == [
-        "2 2 5 0", "2 2 5 0", "2 2 5 1", "2 2 5 1"]  # fmt: skip
 
 
 DIGESTS = """

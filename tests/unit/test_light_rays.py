@@ -53,8 +53,17 @@ def sparse(shape=(21, 18, 27), seed=5):
     return field
 
 
-@pytest.mark.parametrize("light", [sun(SUNS[3]), sun(SUNS[1]), point(PLACES[2]), point(PLACES[3]), WIDE_SUN, None])
-@pytest.mark.parametrize("field", [smooth((12, 12, 16)), sparse()], ids=["dense", "sparse"])
+DENSE, SPARSE = smooth((9, 10, 13)), sparse()
+
+
+@pytest.mark.parametrize(
+    ("light", "field"),
+    [
+        (sun(SUNS[3]), DENSE), (sun(SUNS[1]), SPARSE), (point(PLACES[2]), SPARSE), (point(PLACES[3]), DENSE),
+        (WIDE_SUN, SPARSE), (None, DENSE),
+    ],
+    ids=["sun", "sun along an axis", "lamp within", "lamp", "wide sun", "sky"],
+)  # fmt: skip
 def test_kernels_and_numpy_agree(light, field):
     if not compiled():
         pytest.skip("there is only numpy")

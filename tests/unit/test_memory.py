@@ -160,15 +160,14 @@ def test_the_estimate_of_a_picture_covers_what_it_takes(size, record, dtype):
 
 @pytest.mark.parametrize(
     ("dtype", "size", "headlight"),
-    ((np.uint8, 160, True), (np.uint8, 160, False), (np.float32, 160, False), (np.float64, 160, False),
-     (np.uint8, 700, True)),
+    ((np.uint8, 160, True), (np.uint8, 160, False), (np.float32, 160, False), (np.uint8, 600, True)),
 )  # fmt: skip
 def test_the_estimate_of_a_picture_of_scalars_covers_what_it_takes(dtype, size, headlight):
-    scene = scene_of(blobs(160, dtype), size, BANDED, headlight)
+    scene = scene_of(blobs(128, dtype), size, BANDED, headlight)
     render(scene, POST)  # whatever is made once
     rendering, peak = traced(lambda: render(scene, POST))
     needed = rendering.report["memory_estimate_bytes"]["needed"]
-    assert rendering.report["volume"]["visible_voxels"] > 400_000
+    assert rendering.report["volume"]["visible_voxels"] > 200_000
     # Writing a file, which is in it too, is not done here.
     assert 0.9 * peak <= needed <= 2.4 * peak, (needed, peak)
 
@@ -204,7 +203,7 @@ def scene(n, size):
     turned = corners @ made.index_to_world[:3, :3].T + made.index_to_world[:3, 3]
     return replace(made, triangles=turned) if meshes else made
 
-large = scene(128, 800)
+large = scene(104, 640)
 large.volume.value_counts
 render(scene(16, 32), quality)
 with open("/proc/self/clear_refs", "w") as peak:
@@ -247,13 +246,13 @@ cache, names = StageCache(most_bytes=1 << 24), itertools.cycle(PRESETS)
 scene = scene_of(noise(20), 64)
 kinds = ({}, {"mode": "mip"}, {"headlight": False, "lights": (Light("SUN"),), "volume_shadows": True})
 resident = []
-for number in range(300):
+for number in range(220):
     camera, matrix = turntable(scene.volume, 7.0 * number, 20.0, width=64, height=64)
     function, _ = fit_preset(next(names), scene.volume)
     seen = replace(scene, camera=camera, volume_matrix=matrix, transfer_function=function, **kinds[number % 3])
     drain(render_steps(seen, Quality(threads=1, classification="pre" if number % 7 == 6 else "post"), cache))
     resident.append(status("VmRSS"))
-print(int(median(resident[100:150])), int(median(resident[250:])))
+print(int(median(resident[90:130])), int(median(resident[180:])))
 """
 
 
@@ -262,7 +261,7 @@ print(int(median(resident[100:150])), int(median(resident[250:])))
 def test_hundreds_of_pictures_more_take_no_more_memory():
     """With views, presets, modes, lights and classifications that change, beside a full stage cache.
 
-    The first hundred load kernels and fill buffers.  Single pictures leave up to 2 MB more than others, medians do not.
+    The first ninety load kernels and fill buffers.  Single pictures leave up to 2 MB more than others, medians do not.
     """
     if not compiled():
         pytest.skip("the reference implementation takes minutes")
@@ -270,7 +269,7 @@ def test_hundreds_of_pictures_more_take_no_more_memory():
     assert done.returncode == 0, done.stderr
     early, late = map(int, done.stdout.split())
     # A quarter of a picture's 64 x 64 pixels of 16 bytes, kept of each.
-    assert early > 50e6 and late - early < 150 * 64 * 64 * 4, (early, late)
+    assert early > 50e6 and late - early < 90 * 64 * 64 * 4, (early, late)
 
 
 @pytest.mark.parametrize("classification", CLASSIFICATIONS)

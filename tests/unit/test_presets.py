@@ -47,11 +47,11 @@ def shown_from(volume, choice):
             return (first - volume.intercept) / volume.slope
         (low, high), (start, end) = np.percentile(volume.voxels, (1.0, 99.9)), function.span
         return low + (first - start) / (end - start) * (high - low)
-    values = volume.voxels.ravel().astype(np.float64)
-    means = np.percentile(values, (5.0, 99.9))
+    counts = np.bincount(volume.voxels.ravel())
+    values, means = np.arange(counts.size), np.percentile(volume.voxels, (5.0, 99.9))
     for _ in range(40):
         above = values > means.mean()
-        means = np.array((values[~above].mean(), values[above].mean()))
+        means = np.array([np.average(values[side], weights=counts[side]) for side in (~above, above)])
     faces = [np.take(volume.voxels, end, axis).ravel() for axis in range(3) for end in (0, -1)]
     return 0.5 * (np.median(np.concatenate(faces)) + means.mean())
 

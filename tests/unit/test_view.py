@@ -119,7 +119,7 @@ def test_all_that_the_picture_reads_of_a_base_plane_is_seen_and_much_of_the_othe
                 kept += np.subtract(*planes[pyramid].seen[::-1]).clip(0).sum()
                 held += planes[pyramid].width * planes[pyramid].height
         around = 0.0 if boxed else 0.99
-        for point in rng.uniform(-around, np.array(shape) - 1 + around, (200, 3)):
+        for point in rng.uniform(-around, np.array(shape) - 1 + around, (200, 3))[:80]:
             pixel = view.projection @ np.append(point, 1.0)
             column, row = pixel[:2] / pixel[2]
             if pixel[2] <= 0 or not (0 <= column <= 640 and 0 <= row <= 480):
@@ -133,7 +133,7 @@ def test_all_that_the_picture_reads_of_a_base_plane_is_seen_and_much_of_the_othe
                 assert (one.seen[0, rows] <= max(u + 1 - reach, 0)).all()
                 assert (one.seen[1, rows] > min(u + reach, one.width - 1)).all()
             rays += 1
-    assert rays > 1000
+    assert rays > 400
     assert kept < 0.9 * held
 
 
