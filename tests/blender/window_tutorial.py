@@ -168,17 +168,22 @@ def scenario():
     began = time.perf_counter()
     with in_the_view():
         assert bpy.ops.rle_splat.add_slice(kind="coronal") == {"FINISHED"}
-    bpy.context.view_layer.objects.active.rle_splat.slice_position = -1.0  # mm, before the cut
+    one = bpy.context.view_layer.objects.active
+    one.rle_splat.slice_position = -1.0  # mm, before the cut
+    one.select_set(False)
     bpy.context.view_layer.objects.active = volume
     volume.rle_splat.slices_clear_black = True
     volume.rle_splat.slice_center, volume.rle_splat.slice_width = LEVEL, WINDOW
     area_of("VIEW_3D").spaces.active.region_3d.view_perspective = "PERSP"
     look_from(62.0, -20.0, 1.25)
+    scene.view_settings.view_transform = "Standard"
+    area_of("VIEW_3D").spaces.active.shading.type = "MATERIAL"
+    yield from settled()
+    yield from wait_for_rest()  # with the shaders of the slice
     yield from settled()
     yield from keep("tutorial-5-slice", began)
 
     began = time.perf_counter()
-    scene.view_settings.view_transform = "Standard"
     bpy.context.view_layer.objects.active = volume
     look_from(62.0, -20.0, 2.45)  # a camera sees half of what a viewport does
     yield from settled()
