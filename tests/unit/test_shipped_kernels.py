@@ -212,7 +212,7 @@ def flip(content: bytes) -> bytes:
     return content[:middle] + bytes([content[middle] ^ 255]) + content[middle + 1 :]
 
 
-@pytest.mark.parametrize("damage", [cut, flip, lambda content: b"", lambda content: b"PK" * 1000])
+@pytest.mark.parametrize("damage", [cut, flip, lambda content: b""])
 def test_a_damaged_file_is_remarked_and_the_kernel_compiled(installation, tmp_path, damage):
     package, cache = installation(), tmp_path / "cache"
     file = package / "kernels" / file_name()
@@ -221,11 +221,11 @@ def test_a_damaged_file_is_remarked_and_the_kernel_compiled(installation, tmp_pa
     assert said.startswith(COMPILED) and f"damaged ({file_name()})" in said
 
 
-@pytest.mark.parametrize("other", ["python3.9-numba0.68.1", "python3.11-numba0.1.0"])
-def test_kernels_of_another_python_or_numba_are_remarked(installation, tmp_path, other):
+def test_kernels_of_another_numba_are_remarked(installation, tmp_path):
+    """Their file has another name, as those of another Python have."""
     package = installation()
     file = package / "kernels" / file_name()
-    file.rename(file.with_name(f"{other}-{LEVEL}.zip"))
+    file.rename(file.with_name(f"python3.11-numba0.1.0-{LEVEL}.zip"))
     said = called(package, tmp_path / "cache")
     assert said.startswith(COMPILED) and "has no compiled code for Python" in said
 
