@@ -59,7 +59,8 @@ def pytest_collection_modifyitems(items):
         few = name.startswith(("test_A1_the_plan", "test_A13_single"))
         if in_double and ("opacity" in other or (not few if by_numpy else other)):
             item.add_marker("deep")
-        if name.startswith("test_V8_") and given["way"] == "numba" and given.get("dtype") in RARE_TYPES:
+        rare = given.get("way") == "numba" and given.get("dtype") in RARE_TYPES
+        if rare and name.startswith(("test_V8_", "test_V12_")):
             item.add_marker("deep")
 
 
