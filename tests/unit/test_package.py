@@ -174,13 +174,7 @@ def test_the_manifest_packs_nothing_but_what_is_shipped(tmp_path):
 
 def test_a_zip_with_strangers_is_noticed(tmp_path):
     with zipfile.ZipFile(tmp_path / "x.zip", "w") as archive:
-        for name in (
-            "__init__.py",
-            "tests/unit/test_x.py",
-            ".git/config",
-            "wheels/numba.whl",
-            "wheels/notes.txt",
-        ):
+        for name in ("__init__.py", "tests/unit/test_x.py", ".git/config", "wheels/numba.whl", "wheels/notes.txt"):
             archive.writestr(name, "")
     assert unwanted(tmp_path / "x.zip") == ["tests/unit/test_x.py", ".git/config", "wheels/notes.txt"]
 

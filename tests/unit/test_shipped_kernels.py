@@ -17,12 +17,7 @@ from rle_splat.runtime.jit import compiled
 if not compiled():
     pytest.skip("nothing is compiled without numba", allow_module_level=True)
 
-from rle_splat.runtime.shipped_kernels import (
-    LEVEL,
-    entry_name,
-    file_name,
-    is_level_reached,
-)
+from rle_splat.runtime.shipped_kernels import LEVEL, entry_name, file_name, is_level_reached
 
 ROOT = Path(__file__).resolve().parents[2]
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(
@@ -171,17 +166,6 @@ def test_a_kernel_of_other_sources_is_remarked_and_not_used(installation, tmp_pa
     assert source.count("runs[run] = x - end\n") == 1
     path.write_text(source.replace("runs[run] = x - end\n", "runs[run] = x - end + 40\n"), encoding="utf-8")
     assert called(package, tmp_path / "cache").startswith(f"42 42 5 compiled {LEVEL} {OF_OTHERS}")
-
-
-def test_kernels_of_another_version_are_remarked(installation, tmp_path):
-    """The digest of one of another LLVM; it covers the sources in the same way."""
-    package = installation()
-    file = package / "kernels" / file_name()
-    with zipfile.ZipFile(file, "a") as archive:
-        for entry in archive.infolist():
-            entry.comment = entry.comment[::-1]
-        archive.comment = b"written again"
-    assert called(package, tmp_path / "cache").startswith(f"{COMPILED} {LEVEL} {OF_OTHERS}")
 
 
 def test_a_mac_looks_for_kernels_of_the_first_one_with_such_a_processor(tmp_path):
