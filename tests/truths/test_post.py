@@ -40,11 +40,7 @@ def shell(half_width, radius=7.0, **more):
     return function((radius - half_width, 0.0), (radius, 0.5), (radius + half_width, 0.0), **more)
 
 
-CURVES = {
-    "smooth": shell(4.0),
-    "thin": shell(0.7),
-    "steps": function((6.0, 0.0), (6.0, 0.4), (8.0, 0.4), (8.0, 0.0)),
-}
+CURVES = {"smooth": shell(4.0), "thin": shell(0.7), "steps": function((6.0, 0.0), (6.0, 0.4), (8.0, 0.4), (8.0, 0.0))}
 
 
 def t2(scene, **more):
@@ -400,10 +396,7 @@ def test_the_same_picture_from_every_type(stage, dtype, way):
 
 HARD = {
     "low values shown": (RADIUS, function((4.0, 0.3), (6.0, 0.0))),
-    "holes without a number": (
-        np.where(RADIUS < 3.0, np.nan, RADIUS),
-        function((0.0, 0.1), (16.0, 0.2)),
-    ),
+    "holes without a number": (np.where(RADIUS < 3.0, np.nan, RADIUS), function((0.0, 0.1), (16.0, 0.2))),
     "infinite inside": (np.where(RADIUS < 5.0, np.inf, RADIUS), function((10.0, 0.0), (16.0, 0.3))),
     "minus infinite inside": (np.where(RADIUS < 5.0, -np.inf, -RADIUS), function((-16.0, 0.3), (-10.0, 0.0))),
     "infinite beside values beyond": (
