@@ -147,8 +147,8 @@ def command_lines() -> Iterator[tuple[str, str]]:
 
 
 def run_all(begin) -> list[str]:
-    """Run all command lines in this process, each with two of the stored types, in a folder of files that is removed;
-    returns what went wrong.
+    """Run all command lines in this process, each with one of the stored types in turn, in a folder of files that is
+    removed; returns what went wrong.
 
     ``begin(line)``: called before each, with its words; returns a context in which the line runs.
     """
@@ -161,7 +161,7 @@ def run_all(begin) -> list[str]:
                 os.chdir(folder)
                 write_files(folder, stored)
                 for number, (command, words) in enumerate(command_lines()):
-                    if (number + turn) % 2 and command != "encode":  # whose files others read
+                    if (number + turn) % len(STORED_TYPES) and command != "encode":  # whose files others read
                         continue
                     raw = f"--shape {SIDE} {SIDE} {SIDE} --dtype {stored}" if "volume.raw" in words else ""
                     line = f"{command} {words} {raw} {SMALL.get(command, '')}"

@@ -49,12 +49,6 @@ def test_render_and_help(tmp_path, raw, raw_options):
     assert code == 0 and "usage: rle-splat" in out and err == ""
 
 
-def test_a_mistake_is_one_sentence(tmp_path):
-    code, out, err = run("render", tmp_path / "no.raw", "-o", tmp_path / "p.png")
-    assert code == 2 and out == "" and err.count("\n") == 1 and "no.raw" in err
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_progress_only_when_asked(tmp_path, raw, raw_options):
     code, _, err = run("render", raw, *raw_options, "--size", "16", "-o", tmp_path / "p.npy", "--progress")
     assert code == 0 and "\r" in err and "%" in err and "Splatting" in err and err.count("\n") == 0

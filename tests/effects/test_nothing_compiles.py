@@ -44,8 +44,8 @@ def noting(name):
     except Compiles:
         compiling.append(name)
 """
-# Every case with a small volume and picture, orthographic with two of the stored types and in perspective with the
-# others; and one of a scan's usual size.
+# Every case with a small volume and picture, with the stored types in turn, so that each preset has each of them; and
+# one of a scan's usual size.
 DRAW = """
 from dataclasses import replace
 from devtools import reference_pictures
@@ -55,14 +55,17 @@ from rle_splat.pipeline.prepare import STORED_TYPES
 reference_pictures.SIZES = dict.fromkeys(reference_pictures.SIZES, (48, 36))
 shells, smoke = reference_pictures.shells, reference_pictures.smoke
 reference_pictures.shells, reference_pictures.smoke = lambda _: shells(20), lambda _: smoke((16, 20, 24))
-for case in reference_pictures.effect_cases():
-    volume = case.scene.volume
-    several = volume.voxels.dtype == "uint8" and not case.scene.channels
-    some = STORED_TYPES[case.scene.camera.type == "PERSP" :: 2]
-    for stored in some if several else (volume.voxels.dtype,):
-        scene = replace(case.scene, volume=replace(volume, voxels=volume.voxels.astype(stored)))
-        with noting(f"{case.name} {stored}"):
-            render(scene, replace(case.quality, threads=1))
+drawn = set()
+for number, case in enumerate(reference_pictures.effect_cases()):
+    volume, quality = case.scene.volume, case.quality
+    stored = volume.voxels.dtype.name
+    if stored == "uint8" and not case.scene.channels:
+        stored = STORED_TYPES[(number + number // 16) % len(STORED_TYPES)]  # 16 cases of each scene
+        drawn.add((quality.name, quality.classification, case.scene.camera.type, stored))
+    scene = replace(case.scene, volume=replace(volume, voxels=volume.voxels.astype(stored)))
+    with noting(f"{case.name} {stored}"):
+        render(scene, replace(quality, threads=1))
+assert len(drawn) == 16 * len(STORED_TYPES), len(drawn)
 voxels = volume.voxels
 for axis, side in enumerate(voxels.shape):
     voxels = voxels.repeat(-(-256 // side), axis)
@@ -82,11 +85,11 @@ from rle_splat.scene import RleSplatError
 prepare.SIDE = 24
 
 words = sorted({word for picture in PICTURES for word in picture.scene.split()})
-presets = [(quality, "post") for quality in ("draft", "standard", "fine", "strict")] + [("standard", "pre")]
-turn, drawn = 0, set()
-for together in combinations(words, 2):
-    for quality, classification in presets:
-        stored, turn = STORED_TYPES[turn % len(STORED_TYPES)], turn + 1
+presets = [(quality, "post") for quality in ("standard", "fine", "strict")] + [("standard", "pre")]
+drawn = set()
+for number, together in enumerate(combinations(words, 2)):
+    for turn, (quality, classification) in enumerate(presets, number):
+        stored = STORED_TYPES[turn % len(STORED_TYPES)]
         drawn |= {(word, quality, classification, stored) for word in together}
         picture = replace(PICTURES[0], scene=" ".join(together), quality=quality, classification=classification)
         with noting(f"{picture.scene}, {quality}, {classification}, {stored}"):
@@ -153,13 +156,13 @@ def find_compiling(program: str, cache: Path) -> tuple[int, list[str]]:
 @pytest.mark.slow
 def test_no_preset_with_any_effect_compiles(tmp_path):
     count, compiling = find_compiling(DRAW, tmp_path)
-    assert count > 400 and compiling == []
+    assert count > 250 and compiling == []
 
 
 @pytest.mark.slow
 def test_no_two_effects_together_compile(tmp_path):
     count, compiling = find_compiling(TOGETHER, tmp_path)
-    assert count > 200 and compiling == []
+    assert count > 170 and compiling == []
 
 
 def test_other_stored_types_compile_as_documented(tmp_path):
@@ -177,4 +180,4 @@ def test_files_of_other_types_with_values_that_fit_compile_nothing(tmp_path):
 def test_no_option_of_the_command_line_compiles(tmp_path):
     """See ``NOT_DRIVEN`` in tests/cli/every_option.py for what is left out."""
     count, compiling = find_compiling(COMMAND, tmp_path)
-    assert count > 250 and compiling == []
+    assert count > 120 and compiling == []

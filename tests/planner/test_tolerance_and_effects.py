@@ -2,6 +2,7 @@
 when they are forced off; pre leaves shadows out, with a word in the report; single rays are in the report's times."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -104,6 +105,11 @@ def test_a_mesh_that_is_forced_off_is_no_part_of_what_was_measured():
 SHADED = dict(lights=(SUN,), headlight=False)
 
 
+@cache
+def plain_within():
+    return render_within(scene_of(**SHADED), 8.0, Quality(classification="pre"), probes=200)
+
+
 @pytest.mark.parametrize(
     "more, left_out",
     [
@@ -116,7 +122,7 @@ SHADED = dict(lights=(SUN,), headlight=False)
 )  # fmt: skip
 def test_shadows_that_are_left_out_are_said_to_be(more, left_out):
     quality = Quality(classification="pre")
-    plain = render_within(scene_of(**SHADED), 8.0, quality, probes=200)
+    plain = plain_within()
     found = render_within(scene_of(**{**SHADED, **more}), 8.0, quality, probes=200, leave_out_shadows=True)
     np.testing.assert_array_equal(found.rgba, plain.rgba)
     said = [remark for remark in found.report["remarks"] if "has none" in remark]

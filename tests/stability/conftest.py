@@ -6,9 +6,9 @@ import pytest
 
 from devtools.catalogue import FIGURES_VARIABLE
 from tests.stability.catalogue import WIDTHS, Catalogue, ids_in
+from tests.ways import RARE_TYPES
 
 CATALOGUE = Catalogue()
-RARE = ("int8", "uint32")  # stored types whose kernels no zip brings; int32 stands for them in every run
 
 
 @pytest.fixture
@@ -59,7 +59,8 @@ def pytest_collection_modifyitems(items):
         few = name.startswith(("test_A1_the_plan", "test_A13_single"))
         if in_double and ("opacity" in other or (not few if by_numpy else other)):
             item.add_marker("deep")
-        if name.startswith("test_V8_") and given["way"] == "numba" and given.get("dtype") in RARE:
+        rare = given.get("way") == "numba" and given.get("dtype") in RARE_TYPES
+        if rare and name.startswith(("test_V8_", "test_V12_")):
             item.add_marker("deep")
 
 

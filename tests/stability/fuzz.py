@@ -7,7 +7,7 @@ from hypothesis import HealthCheck, Phase, settings
 from devtools.fuzzing import asked_for
 
 # Times as many examples when a longer search is asked for; its seed is told by --hypothesis-seed.
-LONGER = 10
+LONGER = 15
 
 
 def examples(count: int, shrink: bool = True):

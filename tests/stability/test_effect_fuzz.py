@@ -52,7 +52,7 @@ def crop_of(scene, shares):
 
 
 @given(scenes_with_effects(), qualities(), st.tuples(*[st.floats(0.0, 1.0)] * 4))
-@examples(30, shrink=False)
+@examples(20, shrink=False)
 def search_effects(given_scene, quality, shares):
     scene, plain, names = given_scene
     cache = StageCache()

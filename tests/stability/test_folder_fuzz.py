@@ -172,7 +172,7 @@ def test_R3_folders(record, whole, tmp_path, name):
         assert rendered(path, axis).rgba[..., 3].max() > 0.1
 
     @given(damage(header, pieces), st.sampled_from(sorted(VIEWS)), st.sampled_from([None, (PLANES, 2 * PLANES)]))
-    @examples(150 if name != FILE else 50)  # a file differs from a folder only in how its members are found
+    @examples(100 if name != FILE else 35)  # a file differs from a folder only in how its members are found
     def search(content, axis, planes):
         size = write(path, *content)
         picture, _ = outcome(lambda: rendered(path, axis, planes if axis == 2 else None), size, 1e4)

@@ -259,7 +259,7 @@ def test_C6_a_symmetric_medium_makes_symmetric_pictures(record, plan, way):
             mirrored("asymmetry of a symmetric scene", density, uneven, record)
 
 
-@pytest.mark.parametrize("power", (-12, -9, -6, -3, 3, 6, 9, 12))
+@pytest.mark.parametrize("power", (-12, -6, -3, 3, 6, 12))
 @pytest.mark.parametrize("by", ("matrix", "scene scale", "affine"))
 def test_C7_only_ratios_of_lengths_enter(record, plan, power, by):
     scale = 10.0**power
@@ -364,7 +364,12 @@ def thin_picture(size, perspective, truth_name):
     return scene, truth(scene, truth_name, tolerance=1e-7)[0]
 
 
-@pytest.mark.parametrize("size", ((1, 1), (1, 37), (37, 1), (2, 2), (1, 300)), ids=str)
+THIN = (1, 1), (1, 37), (37, 1), (2, 2), (1, 300)
+
+
+@pytest.mark.parametrize(
+    "size, way", (*((size, "numba") for size in THIN), ((37, 1), "numpy"), ((2, 2), "numpy")), ids=str, indirect=["way"]
+)
 def test_C17_pictures_of_a_single_pixel_row_or_column(record, plan, size, way):
     """Against the truth; and every crop of one pixel is that pixel of the whole."""
     for perspective in (False, True):

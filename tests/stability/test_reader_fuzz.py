@@ -93,7 +93,7 @@ RAW_OPTIONS = st.fixed_dictionaries(
 @example(b"\0" * 8, "a", {"shape": (2, 2, 2), "dtype": "uint8", "slope": 10**400})
 @example(b"\0" * 8, "a", {"shape": (2, 2, 2), "dtype": "uint8", "spacing": (1, 1, 10**400)})
 @example(b"\0" * 8, "a", {"shape": 5, "dtype": ["uint8"]})
-@examples(150)
+@examples(100)
 def search_raw(folder, content, name, options):
     path = folder / (name.replace("/", "") + ".raw")
     path.write_bytes(content)
@@ -105,7 +105,7 @@ def search_raw(folder, content, name, options):
 
 
 @given(st.binary(max_size=2000), st.integers(0, 60), st.data())
-@examples(75)
+@examples(50)
 def search_gzip(folder, content, repeat, data):
     """Packed files, whole, cut, flipped, joined and of content that unpacks to far more."""
     packed = bytearray(gzip.compress(content * (1 + repeat**2)))
@@ -274,7 +274,7 @@ def small_picture(function=None, camera=None, lights=()):
 @example(altered(GOOD_FUNCTION, ("opacity", 1, 0), 10**400))
 @example(altered(GOOD_FUNCTION, ("shade", "shininess"), 10**400))
 @example(altered(GOOD_FUNCTION, ("opacity",), [[-1.7e308, 0.5], [1.7e308, 0.1]]))
-@examples(125)
+@examples(80)
 def search_functions(folder, tree):
     function, _ = from_file(folder, tree, TransferFunction.from_json)
     if function is None:
@@ -291,7 +291,7 @@ def search_functions(folder, tree):
 @example(altered(GOOD_CAMERA, ("shift_x",), 10**400))
 @example(altered(GOOD_CAMERA, ("matrix_world", 0, 3), 10**400))
 @example(altered(GOOD_CAMERA, ("pixel_aspect",), [1e300, 1e-300]))
-@examples(75)
+@examples(50)
 def search_cameras(folder, tree):
     camera, _ = from_file(folder, tree, Camera.from_json)
     if camera is not None:
@@ -303,7 +303,7 @@ def search_cameras(folder, tree):
 @example(altered(GOOD_LIGHTS, (1, "energy"), 10**400))
 @example(altered(GOOD_LIGHTS, (0, "color", 1), 10**400))
 @example(altered(GOOD_LIGHTS, (3, "matrix_world", 0, 0), 1e300))
-@examples(75)
+@examples(50)
 def search_lights(folder, tree):
     lights, _ = from_file(folder, tree, Light.list_from_json)
     if lights is not None:
@@ -445,7 +445,7 @@ def vdb_file() -> bytes:
 
 
 @given(st.data())
-@examples(200)
+@examples(130)
 def search_vdb(folder, data):
     content = bytearray(vdb_file())
     for _ in range(data.draw(st.integers(0, 4))):

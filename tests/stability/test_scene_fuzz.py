@@ -138,7 +138,7 @@ def record_references(record, case) -> None:
 
 
 @given(scenes(), qualities())
-@examples(30, shrink=False)
+@examples(20, shrink=False)
 def search_anything(scene, quality):
     try:
         made, splats, warps = by_stages(scene, quality)
@@ -222,13 +222,13 @@ def check_sheets(scene, classification):
 
 
 @given(plain_scenes(holes=True))
-@examples(25, shrink=False)
+@examples(16, shrink=False)
 def search_pre_sheets(scene):
     check_sheets(scene, "pre")
 
 
 @given(plain_scenes(curves=("ramp",)))
-@examples(25, shrink=False)
+@examples(16, shrink=False)
 def search_post_sheets(scene):
     check_sheets(scene, "post")
 

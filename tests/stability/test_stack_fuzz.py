@@ -44,7 +44,7 @@ def positions_of(steps, orientation, shear=0.0, origin=(0.0, 0.0, 0.0)) -> np.nd
     st.sampled_from([0.0, 1e-7, 2e-6, 5e-5, 4e-4]), st.integers(0, 999), st.sampled_from([0.0, 0.3]),
 )  # fmt: skip
 @example("oblique", 0.48825, 9, 2.0, 2e-6, 1, 0.0)
-@examples(150)
+@examples(100)
 def test_numbers_that_jitter_make_one_series(turn, spacing, count, step, jitter, seed, shear):
     """No border parts slices, none is interpolated, and the grid is where the files say, to what jitter moves."""
     noise = np.random.default_rng(seed).uniform(-jitter, jitter, (count, 11))
@@ -68,7 +68,7 @@ def test_numbers_that_jitter_make_one_series(turn, spacing, count, step, jitter,
     st.sampled_from([0.0, 0.1, 0.45]), st.sampled_from(sorted(TURNS)),
 )  # fmt: skip
 @example(0.02, [1, 2], 0, 0.0, "axial")  # a gap of two steps that are smaller than what files round to
-@examples(200)
+@examples(130)
 def test_gaps_are_filled_and_no_slice_is_replaced(step, gaps, seed, jitter, turn):
     """Missing slices are seen beside distances that jitter by a part of what is allowed, in long stacks too."""
     numbers = np.concatenate([[0], np.cumsum([*gaps, 1])])
@@ -84,7 +84,7 @@ def test_gaps_are_filled_and_no_slice_is_replaced(step, gaps, seed, jitter, turn
 
 
 @given(st.lists(st.floats(0.003, 20.0), min_size=1, max_size=30), st.integers(0, 999))
-@examples(200)
+@examples(130)
 def test_any_distances_keep_every_slice_or_say_so(gaps, seed):
     """Where slices are not resampled, each is in the grid at most 0.1 mm from its place."""
     steps = np.concatenate([[0.0], np.cumsum(gaps)])
@@ -99,7 +99,7 @@ def test_any_distances_keep_every_slice_or_say_so(gaps, seed):
 
 
 @given(st.floats(-0.02, 0.02), st.sampled_from([0.05, 40.05, 40.15, -7.25]), st.integers(0, 999))
-@examples(60)
+@examples(40)
 def test_stacks_side_by_side_are_not_parted_at_borders(jitter, beside, seed):
     """Two stacks whose offsets jitter around a border of 0.1 mm are two volumes, or one if they are that close."""
     noise = jitter * np.random.default_rng(seed).uniform(-1.0, 1.0, (2, 8))
@@ -114,7 +114,7 @@ def test_stacks_side_by_side_are_not_parted_at_borders(jitter, beside, seed):
     st.sampled_from(sorted(TURNS)), st.floats(-1.0, 1.0), st.integers(0, 999), st.sampled_from([0.0, 0.2, 0.49]),
     st.sampled_from(["trigger time", "acquisition time"]),
 )  # fmt: skip
-@examples(60)
+@examples(40)
 def test_times_at_places_that_jitter_are_frames(turn, origin, seed, late, name):
     """Positions and the times of slices of one frame jitter, such as trigger times of the heart."""
     chance = np.random.default_rng(seed)
@@ -130,7 +130,7 @@ def test_times_at_places_that_jitter_are_frames(turn, origin, seed, late, name):
 
 
 @given(st.lists(st.tuples(*[st.floats(-3.0, 3.0)] * 3), min_size=1, max_size=40), st.floats(0.01, 1.0), st.randoms())
-@examples(200)
+@examples(130)
 def test_parts_at_gaps(points, gap, chance):
     """Points that are close are together, parts have a gap between them, and order does not matter."""
     points = np.array(points)

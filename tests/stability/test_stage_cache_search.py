@@ -35,8 +35,8 @@ from tests.stability.test_scene_fuzz import bits_apart, check_sentence
 # What a search begins with -> how many scenes are edited anyhow, how many by each kind of edit alone, and stages of
 # which some results must be found again.
 SEARCHES = {
-    "post": (9, 2, ("relevant", "table", "gradients", "thinned", "surfaces", "normals", "codes", "runs", "scalars")),
-    "pre": (9, 2, ("blocks", "visible", "properties", "normals", "runs", "records", "shadows")),
+    "post": (6, 1, ("relevant", "table", "gradients", "thinned", "surfaces", "normals", "codes", "runs", "scalars")),
+    "pre": (6, 1, ("blocks", "visible", "properties", "normals", "runs", "records", "shadows")),
 }  # fmt: skip
 EDITS_IN_A_ROW, DRAGGED = 30, 4
 MOST_BYTES = 1 << 26  # more than a search's stages take

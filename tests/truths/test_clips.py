@@ -156,8 +156,10 @@ SEAMS = {
 }
 
 
-@PROJECTIONS
-@pytest.mark.parametrize(("classification", "depth_rule"), SEAMS)
+@pytest.mark.parametrize(
+    ("classification", "depth_rule", "perspective"),
+    [(*how, n % 2 == 1) for n, how in enumerate(SEAMS)] + [("post", "preintegrated", True)],
+)
 def test_two_halves_make_the_whole(stage, classification, depth_rule, perspective):
     """A plane across the view: the nearer half over the further one is the uncut volume, with no seam."""
     facing = placed((6.5, 6.0, 6.5), (1.0, 0.1, 0.0), 1.4)

@@ -42,9 +42,14 @@ def moments(scene):
     return total, middle, ((positions - middle[:, None, None]) ** 2 * alpha).sum(axis=(1, 2)) / total
 
 
-@pytest.mark.parametrize("kind", PIXELS)
-@pytest.mark.parametrize("depth", (2.5, 3.0, 6.0))
-@pytest.mark.parametrize(("blades", "moment"), ((0, 0.25), (3, 0.125), (6, 5.0 / 24.0)))
+@pytest.mark.parametrize(
+    ("kind", "depth", "blades", "moment"),
+    [
+        (kind, depth, *((0, 0.25), (3, 0.125), (6, 5.0 / 24.0))[(k + d) % 3])
+        for k, kind in enumerate(PIXELS)
+        for d, depth in enumerate((2.5, 3.0, 6.0))
+    ],
+)
 def test_a_lens_blurs_to_the_circle_of_confusion(stage, kind, depth, blades, moment):
     scene = blot(stage, depth, kind, aperture_blades=blades)
     total, middle, blurred = moments(scene)

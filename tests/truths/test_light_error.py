@@ -33,13 +33,13 @@ def test_a_hard_wall_is_lit_evenly(name, quality, most):
     assert 100.0 * np.diff(np.quantile(ratio, (0.01, 0.99)))[0] < most
 
 
-@pytest.mark.parametrize("name", ("head", "part", "cloud, lit"))
-def test_light_keeps_the_bounds_of_its_page(name):
+@pytest.mark.parametrize("name, lamps", (("head", NAMES[1:]), ("part", NAMES[:2]), ("cloud, lit", NAMES[::2])))
+def test_light_keeps_the_bounds_of_its_page(name, lamps):
     volume, function = next((one, own) for found, one, own, _ in calibration_volumes() if found == name)
     scene = view_scene(volume, function, (30, 15), 200, shaded=False)
     qualities = {quality: Quality.preset(quality) for quality in tuple(BOUNDS)[:-1]}
     qualities["rays"] = replace(qualities["strict"], rays=UNLIMITED)
-    rows = errors_of_light(scene, NAMES, qualities, 700)
-    assert len(rows) == len(NAMES) * len(BOUNDS) and all(row["pixels"] > 150 for row in rows)
+    rows = errors_of_light(scene, lamps, qualities, 700)
+    assert len(rows) == len(lamps) * len(BOUNDS) and all(row["pixels"] > 150 for row in rows)
     for row in rows:
         assert all(np.array(list(row["own"].values())) < BOUNDS[row["quality"]]), row

@@ -115,9 +115,9 @@ def test_an_axis_fades_in_evenly(stage):
     assert shares(44.0, band=0.0).max() == 1.0
     corner = np.degrees(np.arctan(np.sqrt(0.5)))
     assert shares(45.0, corner) == pytest.approx(np.full(3, 1.0 / 3.0), abs=1e-6)
-    for elevation in np.linspace(corner - 3.0, corner + 3.0, 13):
-        path = [shares(azimuth, elevation) for azimuth in np.linspace(41.0, 49.0, 401)]
-        assert np.abs(np.diff(path, axis=0)).max() < 0.02
+    for elevation in np.linspace(corner - 3.0, corner + 3.0, 7):
+        path = [shares(azimuth, elevation) for azimuth in np.linspace(41.0, 49.0, 161)]
+        assert np.abs(np.diff(path, axis=0)).max() < 0.05
 
 
 def test_a_fade_is_cropped_and_kept_apart_as_any_picture_is(stage):

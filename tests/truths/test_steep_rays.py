@@ -45,8 +45,9 @@ def without(quality):
     return replace(quality, rays=NO_RAYS, name="without")  # a preset's name would call for a plan
 
 
-@PROJECTIONS
-@pytest.mark.parametrize("name, slabs", (("standard", 4), ("fine", 4), ("strict", 8)))
+@pytest.mark.parametrize(
+    "name, slabs, perspective", (("standard", 4, False), ("fine", 4, True), ("strict", 8, False), ("strict", 8, True))
+)
 def test_steep_pixels_are_the_truth_and_others_as_they_were(stage, name, slabs, perspective):
     scene, quality = scene_of(stage, perspective), replace(Quality.preset(name), rays=STEEP)
     before, after = render(scene, without(quality)), render(scene, quality)
@@ -73,8 +74,7 @@ def test_a_crop_is_the_same_part_of_the_picture(stage, perspective):
         assert part.report["image"]["crop"] == [left, top, right, bottom]
 
 
-@PROJECTIONS
-@pytest.mark.parametrize("lit", (False, True), ids=("unlit", "lit"))
+@pytest.mark.parametrize("perspective, lit", ((False, True), (True, False), (True, True)))
 def test_the_same_with_any_number_of_threads_and_without_numba(stage, lit, perspective):
     more = {}
     if lit:

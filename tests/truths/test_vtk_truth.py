@@ -17,7 +17,7 @@ pytestmark = [
     pytest.mark.skipif(bool(VTK_PROBLEM), reason="the package vtk is not in this environment"),
 ]
 
-SIZE = 128
+SIZE = 88
 # Two peaks and a valley, flanks a few voxels wide: T1 of the same scene is elsewhere.
 PEAKS = TransferFunction(
     name="peaks", opacity=((0.05, 0.0), (0.2, 0.25), (0.4, 0.05), (0.6, 0.5)),

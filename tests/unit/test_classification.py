@@ -11,7 +11,7 @@ from rle_splat.classify.classification import classify
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.scene import REMOVED_VALUES, Quality, RleSplatError
 from rle_splat.volume.volume import Volume
-from tests.ways import both
+from tests.ways import BY_TYPE, both
 
 LISTS = ("row_start", "column", "extinction", "opacity", "color")
 STEPPED = TransferFunction(
@@ -61,7 +61,7 @@ def grid(dtype, shape=(5, 7, 11), seed=3):
     return Volume((values + (0.25 if kind == "f" else 0)).astype(dtype), np.eye(4))
 
 
-@pytest.mark.parametrize("dtype", "uint8 int8 uint16 int16 uint32 int32 float32 float64".split())
+@pytest.mark.parametrize(("dtype", "way"), BY_TYPE, indirect=["way"])
 def test_every_stored_type_is_classified_as_its_points_say(dtype, way):
     volume = grid(dtype)
     classified = classify(volume, STEPPED, np.eye(4))

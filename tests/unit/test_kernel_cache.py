@@ -310,30 +310,6 @@ def test_settings_parts_and_constants_of_other_files_are_in_the_key_of_a_kernel_
     assert copy.runs() == "3 3 5 1"  # an earlier edition is still there
 
 
-DIGESTS = """
-from importlib import import_module
-from pkgutil import walk_packages
-import rle_splat
-from rle_splat.runtime.kernel_digest import digest_of
-from rle_splat.runtime.numba_internals import Kernel
-for found in walk_packages(rle_splat.__path__, "rle_splat."):
-    if not found.name.endswith("__main__"):
-        for name, value in sorted(vars(import_module(found.name)).items()):
-            if isinstance(value, Kernel):
-                print(found.name, name, digest_of(value))
-"""
-
-
-def test_each_process_finds_the_same_digests():
-    """Whatever the order of its sets and the addresses of its objects."""
-    told = [
-        subprocess.run([sys.executable, "-c", DIGESTS], cwd=ROOT, capture_output=True, text=True, check=True,
-                       env={**os.environ, "PYTHONHASHSEED": seed}).stdout.splitlines()
-        for seed in ("1", "2")
-    ]  # fmt: skip
-    assert told[0] == told[1] and len(told[0]) > 50
-
-
 TOLD_NOT_TO = """
 from rle_splat.runtime.jit import NUMBA_PROBLEM, compiled
 import rle_splat.pipeline.render

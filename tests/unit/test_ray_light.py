@@ -78,10 +78,9 @@ def agree(*arguments, **how):
     return kernels
 
 
-@pytest.mark.parametrize("perspective", (False, True), ids=("ortho", "perspective"))
-@pytest.mark.parametrize("kind", LAMPS)
-def test_kinds_of_lamps(kind, perspective):
-    lit = agree(SHADE, (LAMPS[kind],), perspective=perspective)
+@pytest.mark.parametrize("number, kind", list(enumerate(LAMPS)))
+def test_kinds_of_lamps(number, kind):
+    lit = agree(SHADE, (LAMPS[kind],), perspective=number % 2 == 0)
     assert np.abs(lit - traced(SHADE, (LAMPS["sun"],), headlight_direction=(0.0, 0.0, 1.0))).max() > 0.1
 
 

@@ -93,7 +93,7 @@ def agree(*arguments, within=3e-5, **how):
     return kernels
 
 
-@pytest.mark.parametrize("number, kind", enumerate(LAMPS))
+@pytest.mark.parametrize("number, kind", list(enumerate(LAMPS)))
 def test_kinds_of_lamps(number, kind):
     perspective = bool(number % 2)
     lit = agree(SHADE, (LAMPS[kind],), perspective=perspective, rule=BETWEEN)

@@ -17,12 +17,7 @@ from rle_splat.runtime.jit import compiled
 if not compiled():
     pytest.skip("nothing is compiled without numba", allow_module_level=True)
 
-from rle_splat.runtime.shipped_kernels import (
-    LEVEL,
-    entry_name,
-    file_name,
-    is_level_reached,
-)
+from rle_splat.runtime.shipped_kernels import LEVEL, entry_name, file_name, is_level_reached
 
 ROOT = Path(__file__).resolve().parents[2]
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(
@@ -173,17 +168,6 @@ def test_a_kernel_of_other_sources_is_remarked_and_not_used(installation, tmp_pa
     assert called(package, tmp_path / "cache").startswith(f"42 42 5 compiled {LEVEL} {OF_OTHERS}")
 
 
-def test_kernels_of_another_version_are_remarked(installation, tmp_path):
-    """The digest of one of another LLVM; it covers the sources in the same way."""
-    package = installation()
-    file = package / "kernels" / file_name()
-    with zipfile.ZipFile(file, "a") as archive:
-        for entry in archive.infolist():
-            entry.comment = entry.comment[::-1]
-        archive.comment = b"written again"
-    assert called(package, tmp_path / "cache").startswith(f"{COMPILED} {LEVEL} {OF_OTHERS}")
-
-
 def test_a_mac_looks_for_kernels_of_the_first_one_with_such_a_processor(tmp_path):
     feigned = """
 import numba, sys
@@ -212,7 +196,7 @@ def flip(content: bytes) -> bytes:
     return content[:middle] + bytes([content[middle] ^ 255]) + content[middle + 1 :]
 
 
-@pytest.mark.parametrize("damage", [cut, flip, lambda content: b"", lambda content: b"PK" * 1000])
+@pytest.mark.parametrize("damage", [cut, flip, lambda content: b""])
 def test_a_damaged_file_is_remarked_and_the_kernel_compiled(installation, tmp_path, damage):
     package, cache = installation(), tmp_path / "cache"
     file = package / "kernels" / file_name()
@@ -221,11 +205,11 @@ def test_a_damaged_file_is_remarked_and_the_kernel_compiled(installation, tmp_pa
     assert said.startswith(COMPILED) and f"damaged ({file_name()})" in said
 
 
-@pytest.mark.parametrize("other", ["python3.9-numba0.68.1", "python3.11-numba0.1.0"])
-def test_kernels_of_another_python_or_numba_are_remarked(installation, tmp_path, other):
+def test_kernels_of_another_numba_are_remarked(installation, tmp_path):
+    """Their file has another name, as those of another Python have."""
     package = installation()
     file = package / "kernels" / file_name()
-    file.rename(file.with_name(f"{other}-{LEVEL}.zip"))
+    file.rename(file.with_name(f"python3.11-numba0.1.0-{LEVEL}.zip"))
     said = called(package, tmp_path / "cache")
     assert said.startswith(COMPILED) and "has no compiled code for Python" in said
 
