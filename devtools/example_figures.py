@@ -30,7 +30,7 @@ MOST_BYTES = 80_000
 TURN = tuple((20 + 60 * n, 15) for n in range(6))
 CLOSE = ("--azimuth", "30", "--elevation", "20", "--fit", "0.42", "--size", "400")
 STEPS = (  # of the strip, after the slices: pictures of the documentation, and the part of each
-    ("tutorial-3-preset", (230, 310, 790, 730)), ("tutorial-4-cut", (80, 160, 940, 805)),
+    ("tutorial-3-preset", (230, 310, 790, 730)), ("tutorial-4-cut", (60, 162, 920, 807)),
     ("gallery-skull", (0, 0, 1600, 1200)),
 )  # fmt: skip
 STEP, GAP = (560, 420), 4  # pixels of a picture of the strip, and between two
