@@ -17,8 +17,8 @@ UPRIGHT = Matrix.Rotation(1.5707963, 4, "X")  # texts that are read from the fro
 BLACK = (0.0, 0.0, 0.0)
 # Of the cortex, for each channel: level, window, opacity unit distance in µm, name, and the color of the name.
 CHANNELS = (
-    (1600.0, 2000.0, 18.0, "Labeled cells", (0.0, 1.0, 0.0)),
-    (550.0, 800.0, 130.0, "Background", (1.0, 0.1, 1.0)),
+    (1400.0, 1600.0, 14.0, "Labeled cells", (0.0, 1.0, 0.0)),
+    (500.0, 700.0, 110.0, "Background", (1.0, 0.1, 1.0)),
 )
 BAR_UM = 100.0
 
