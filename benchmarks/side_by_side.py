@@ -10,7 +10,7 @@ Each program draws in the environment that has it, and keeps its pictures; then 
 
     .venvs/bench/bin/python -m benchmarks.side_by_side presets sheet.jpg
 
-makes a sheet of presets on scans of four modalities, ``crops`` one of parts of the joined pictures, twice as large.
+makes a sheet of presets on scans of three modalities, ``crops`` one of parts of the joined pictures, twice as large.
 The column *before* is drawn with this file, benchmarks/lamps.py and the scans in the tree of an earlier commit.
 Camera, transfer function and sun are the same.  Ours has shadows and ambient occlusion, at ``fine``.  VTK has four
 samples per voxel, no shadows, and no light but the sun and what its material adds.  It takes normals of no volume but
@@ -87,27 +87,21 @@ SUBJECTS = {
     "nuclei": Subject("fluorescence/nuclei_256x256x60_uint16.tif", NUCLEI, (20, 55), 1.0),
     "smoke": Subject("smoke_fog.vdb", "smoke", (30, 5), 1.05),
 }
-# Presets on scans of four modalities.
+# Presets on scans of three modalities.
 PRESETS = {
-    "CT head: Bone": Subject(CT_HEAD, "ct-bone", (215, 10), 0.95, *HEAD, True),
-    "CT head: Skin": Subject(CT_HEAD, "ct-skin", (215, 10), 0.95, *HEAD, True),
-    "CT head: Skin and Bone": Subject(CT_HEAD, "ct-skin-and-bone", (215, 10), 0.95, *HEAD, True),
+    "CT head: Bone": Subject(CT_HEAD, "ct-bone", (150, 10), 0.95, *HEAD, True),
+    "CT head: Skin and Bone": Subject(CT_HEAD, "ct-skin-and-bone", (150, 10), 0.95, *HEAD, True),
     "CT skull: Bone": Subject("dicom_ct_skull_phantom_512x512x140", "ct-bone", (35, 15), 0.95, *ALONE),
-    "CT chest: Angiography": Subject(CHEST, "ct-angiography", (20, 20), 1.0, *ALONE),
-    "CT chest: Heart": Subject(CHEST, "ct-heart", (20, 20), 1.0, *ALONE),
-    "CT chest: Soft Tissue": Subject(CHEST, "ct-soft-tissue", (20, 20), 1.0, *ALONE),
-    "CT chest: Lung": Subject(CHEST, "ct-lung", (20, 20), 1.0, *ALONE),
-    "CT aorta: Angiography": Subject(
-        "cta_aorta_labels/cta_heart_aorta_120x126x164_int16.nii.gz", "ct-angiography", (20, 10)
-    ),
-    "MR T1: Head": Subject("t1_head_188x256x190_uint8.nii.gz", "mr-head", (35, 10), 1.0),
+    "CT engine: Industrial": Subject("engine_256x256x110_uint8.raw.gz", "ct-industrial", (-30, 20), 1.0),
+    "CT chest: Angiography": Subject(CHEST, "ct-angiography", (0, 60), 1.06, *ALONE),
+    "CT chest: Heart": Subject(CHEST, "ct-heart", (0, 70), 1.06, *ALONE),
+    "CT chest: Soft Tissue": Subject(CHEST, "ct-soft-tissue", (20, 50), 1.08, *ALONE),
+    "CT chest: Lung": Subject(CHEST, "ct-lung", (0, 65), 1.06, *ALONE),
+    "MR T1: Head": Subject("t1_head_188x256x190_uint8.nii.gz", "mr-head", (35, 10), 1.1),
     "MR FLAIR: Brain": Subject("flair_brain_124x160x140_uint8.nrrd", "mr-brain", (35, 25), 1.0),
-    "MR brain: Brain": Subject("mrbrain_256x256x99_uint8.raw.gz", "mr-brain", (160, 35), 0.95, *HEAD),
-    "X-ray foot: Limb": Subject("foot_256x256x256_uint8_fromjpeg.raw.gz", "xa-limb", (110, 10), 1.25),
-    "PET: Hot": Subject("pet_seg/dicom_pet_128x128x266", "pet-hot", (20, 5), 1.0),
+    "PET: Hot": Subject("pet_seg/dicom_pet_128x128x266", "pet-hot", (0, 0), 1.0),
     "CT lobster: Specimen": Subject("lobster_301x324x56_uint8.raw.gz", "ct-specimen", (25, 55), 0.9,
                                     dict(spacing=(1.0, 1.0, 1.4))),
-    "CT engine: Industrial": Subject("engine_256x256x110_uint8.raw.gz", "ct-industrial", (-30, 20), 1.0),
 }  # fmt: skip
 CROP = 120  # pixels
 CROPS = {  # part -> subject, left, top

@@ -16,22 +16,24 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from rle_splat.classify.presets import PRESETS
-from rle_splat.scene.color import decode_srgb
 
 from .gallery_pictures import save_jpeg
 from .places import OUT, ROOT
 
 FOLDER = OUT / "figures"
-SKULL, PET = "dicom_ct_skull_phantom_512x512x140", "pet_seg/dicom_pet_128x128x266"
-MOST_SUV = 6.0  # which is black
+SKULL = "dicom_ct_skull_phantom_512x512x140"
 VIEWS = ((0, 0), (90, 0), (180, 0))  # azimuth and elevation
-ROUND = (0, 45, 90, 180)  # azimuths of the PET
 OBLIQUE = ("--azimuth", "30", "--elevation", "15", "--fit", "0.95")
 SMALL, POSTER, EYE = 360, 3600, (735, 2470)  # pixels: a picture's side, a poster's, and where a part of it begins
 TILE, WORKERS = 90, ("#4477aa", "#ee6677", "#228833", "#ccbb44")  # pixels; a color for each
 MOST_BYTES = 80_000
 TURN = tuple((20 + 60 * n, 15) for n in range(6))
 CLOSE = ("--azimuth", "30", "--elevation", "20", "--fit", "0.42", "--size", "400")
+STEPS = (  # of the strip, after the slices: pictures of the documentation, and the part of each
+    ("tutorial-3-preset", (230, 310, 790, 730)), ("tutorial-4-cut", (60, 162, 920, 807)),
+    ("gallery-skull", (0, 0, 1600, 1200)),
+)  # fmt: skip
+STEP, GAP = (560, 420), 4  # pixels of a picture of the strip, and between two
 # Two boxes leave the head holder out: their middle and half their sides in mm, the second turned by 45 degrees.
 MIDDLE, STRAIGHT, TURNED, HEIGHT = (-2.7, 103.0, 764.0), (74.0, 98.0), 88.0, 90.0
 
@@ -77,28 +79,12 @@ def skull_words(folder: Path) -> list[str]:
     return [str(series), *opaque_bone(folder), *clip]
 
 
-def pet_lines(folder: Path) -> list[list[str]]:
-    """The figure of the PET, if there is that scan, in inverted grays that are proportional to SUV on a screen."""
-    if not (data_folder() / PET).is_dir():
-        return []
-    grays = np.linspace(0.0, 1.0, 33)
-    curve = np.stack((MOST_SUV * grays, 1.0 - decode_srgb(1.0 - grays)), axis=1)
-    path = folder / "grays.json"
-    path.write_text(json.dumps({"name": "PET", "unit": "SUVbw", "opacity": curve.tolist(), "color": [[0, 0, 0, 0]],
-                                "shade": False}), encoding="utf-8")  # fmt: skip
-    return [["figure", str(data_folder() / PET), "--transfer-function", str(path), "--mode", "mip", "--caption",
-             "FDG PET, maximum intensity projection", "--width-cm", "14", "--aspect", "0.53", "--fit", "1.03",
-             "--columns", "4", *(word for turn in ROUND for word in ("--view", str(turn), "0")),
-             "-o", str(folder / "figure-pet.png")]]  # fmt: skip
-
-
 def command_lines(folder: Path) -> list[list[str]]:
     """The figures, a turntable, and a part of the skull in two qualities."""
     skull, views, turn = skull_words(folder), *([w for v in views for w in ("--view", *map(str, v))]
                                                 for views in (VIEWS, TURN))  # fmt: skip
     page = ["figure", *skull, "--columns", "3", "--fit", "0.96", "--quality", "fine"]
     return [
-        *pet_lines(folder),
         [*page, *views, "-o", str(folder / "figure-skull.svg"), "-o", str(folder / "figure-skull.png")],
         [*page, *turn, *(word for turned, _ in TURN for word in ("--title", f"{turned}°")), "--sides", "off",
          "--scale-bar", "off", "--no-color-bar", "--caption", "", "--dpi", "200",
@@ -159,6 +145,31 @@ def from_parts(folder: Path) -> None:
         draw.rectangle((x + 1, y + 1, x + TILE - 2, y + TILE - 2), outline=color, width=3)
     beside(folder, "how-to-tiles", tiled, whole)
     picture_and_depth(folder)
+    strip(folder)
+
+
+def slices(series: Path) -> Image.Image:
+    """Twelve slices of a series from the head down, air black and 1000 HU white."""
+    import pydicom
+
+    files = sorted(map(pydicom.dcmread, series.iterdir()), key=lambda one: -one.ImagePositionPatient[2])
+    some = files[len(files) // 20 :: max(len(files) // 13, 1)][:12]
+    sheet = np.vstack([np.hstack([one.pixel_array for one in some[n : n + 4]]) for n in range(0, 12, 4)])
+    values = sheet * float(files[0].RescaleSlope) + float(files[0].RescaleIntercept)
+    return Image.fromarray(np.uint8(np.clip((values + 1000.0) * (255.0 / 2000.0), 0.0, 255.0)))
+
+
+def strip(folder: Path) -> None:
+    """gallery-strip.jpg: slices of the skull, two steps of the tutorial, and the gallery's scene of the same scan."""
+    if not (data_folder() / SKULL).is_dir():
+        return
+    pictures = [slices(data_folder() / SKULL)]
+    pictures += (Image.open(ROOT / "docs" / "images" / f"{name}.jpg").crop(part) for name, part in STEPS)
+    sheet = Image.new("RGB", (2 * STEP[0] + GAP, 2 * STEP[1] + GAP))
+    for number, one in enumerate(pictures):
+        place = number % 2 * (STEP[0] + GAP), number // 2 * (STEP[1] + GAP)
+        sheet.paste(one.convert("RGB").resize(STEP, Image.Resampling.LANCZOS), place)
+    sheet.save(folder / "gallery-strip.jpg", quality=85)
 
 
 def main() -> int:

@@ -12,7 +12,7 @@ from .environments import CORE, any_bpy, ensure
 from .places import OUT, ROOT, Failure, clean_environ, run, say
 
 FOLDER = OUT / "gallery"
-PARTS = ("scene", "sets", "light", "skull", "studio", "data", "grids")
+PARTS = ("scene", "sets", "flat", "light", "skull", "studio", "data", "grids")
 SCRIPTS = ("demo_scene.py", "phantom.py", *(f"gallery_{part}.py" for part in PARTS))
 
 
@@ -29,6 +29,8 @@ SHOTS = {
     "skull": Shot("a skull of plastic, cut open, with a titanium plate", (1600, 1200), 4),
     "aorta": Shot("a dissected aorta with the names of its segments, on a slice of the same CT", (1400, 1050), 12),
     "nuclei": Shot("nuclei above a slice of their own confocal stack, one in mitosis", (1400, 1050), 12),
+    "cortex": Shot("two channels of fluorescence in mouse cortex", (1200, 1150), 12),
+    "pet": Shot("a PET from two sides with its tumors in color and a bar in SUV", (1500, 1000), 12),
     "light": Shot("six scans as they are imported, and under the light of a recipe", (340, 300), 1),
     "lamps": Shot("a skull as it is imported, and with a key, a fill and a rim light", (400, 380), 1),
 }

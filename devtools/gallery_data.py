@@ -83,4 +83,16 @@ def nuclei(folder: Path):
     return path, {"use_file_spacing": False, "spacing": (0.26, 0.26, 0.29), "length_unit_given": "um"}, path.name
 
 
+def cortex(folder: Path):
+    """Two channels of fluorescence in mouse cortex."""
+    path = _asked_for("fluorescence/cortex_2ch_288x288x30_uint16.ome.tif")
+    return path, {}, path.name
+
+
+def pet(folder: Path):
+    """A PET in SUV, whose folder has a segmentation of its tumors beside it."""
+    series = _asked_for("pet_seg/dicom_pet_128x128x266")
+    return min(series.iterdir()), {}, series.name
+
+
 light = lamps = skull  # the first of light's scans

@@ -9,6 +9,7 @@ from __future__ import annotations
 import bpy
 import gallery_data
 from demo_scene import rod
+from gallery_flat import cortex, pet
 from gallery_light import lamps, light
 from gallery_skull import skull
 from gallery_studio import (
@@ -134,4 +135,4 @@ def nuclei(stage: Stage):
     yield RENDER
 
 
-SETS = {"skull": skull, "aorta": aorta, "nuclei": nuclei, "light": light, "lamps": lamps}
+SETS = {"skull": skull, "aorta": aorta, "nuclei": nuclei, "cortex": cortex, "pet": pet, "light": light, "lamps": lamps}

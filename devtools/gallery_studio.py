@@ -177,6 +177,11 @@ def _new_world():
     return world.node_tree
 
 
+def flat_world(color) -> None:
+    """A world of one color."""
+    _new_world().nodes["Background"].inputs["Color"].default_value = (*color, 1.0)
+
+
 def view_transform(name: str, look: str = "None", exposure: float = 0.0) -> None:
     settings = bpy.context.scene.view_settings
     settings.view_transform = name

@@ -41,17 +41,17 @@ BEATING, PANEL, REPORT = "280x330+380+230", "260x330+990+448", "945x695+310+82"
 RAW, AORTA = "cthead_256x256x113_uint16be.raw.gz", "cta_aorta_labels"
 HEAD_MR = "t1_head_188x256x190_uint8.nii.gz"
 SCANS = Path("/scans")  # of the small system: a path that a reader could have
+COLUMN, GAP, LETTER = 0.17, 0.008, 0.026  # of names: from the middle, to the line, and their size, in widths
 NEARER = "0.15"  # m that a name is brought nearer to the camera, as it is typed
 KEYS = {".": "PERIOD", "0": "ZERO", "1": "ONE", "5": "FIVE"}  # of Blender, for what is typed
 PANELS = ("transfer", "slices", "shading")  # that are open
-# Of the tutorial on organs: the slice's place in mm and its level and window in HU; of each name the place that it is
-# for, in meters from the middle of the scan, how far it stands to the right of it as seen, and its alignment.
+# Of the tutorial on organs: the slice's place in mm and its level and window in HU; of each name the place that its
+# line leads to, in meters from the middle of the scan, and whether it stands on the left or on the right.
 GROUND, VESSEL_WINDOW, VIOLET = -112.0, (150.0, 900.0), (0.22, 0.1, 0.42)
 NAMES = (
-    ("Brachiocephalic trunk", (-0.038, -0.018, 0.092), -0.03, "RIGHT"),
-    ("Ascending aorta", (-0.020, -0.030, 0.040), -0.04, "RIGHT"),
-    ("True lumen", (-0.006, 0.018, -0.056), -0.03, "RIGHT"),
-    ("False lumen", (0.018, 0.060, 0.020), 0.03, "LEFT"), ("T12", (-0.002, 0.080, -0.097), 0.035, "LEFT"),
+    ("Brachiocephalic trunk", (-0.038, -0.018, 0.092), -1.0), ("Ascending aorta", (-0.020, -0.030, 0.040), -1.0),
+    ("True lumen", (-0.006, 0.018, -0.056), -1.0), ("False lumen", (0.018, 0.060, 0.020), 1.0),
+    ("T12", (-0.002, 0.080, -0.097), 1.0),
 )  # fmt: skip
 
 
@@ -254,6 +254,33 @@ def lamp(kind: str, name: str, energy: float, place, **settings) -> None:
     made.matrix_world = Matrix.Translation(place) @ Vector(place).to_track_quat("Z", "Y").to_matrix().to_4x4()
 
 
+def write_name(camera, body: str, place, side: float) -> None:
+    """A name at the left or right, and a level line from it to a place, nearer to the camera than the scan's middle."""
+    depth = camera.matrix_world.translation.length - float(NEARER)
+    width = depth * camera.data.sensor_width / camera.data.lens
+    into = camera.matrix_world.inverted() @ place
+    end = into * (depth / -into.z)
+    begin = Vector((side * COLUMN * width, end.y, -depth))
+    with in_the_view():
+        bpy.ops.object.text_add(align="VIEW")
+    text = bpy.context.view_layer.objects.active
+    text.name = text.data.body = body
+    text.data.align_x, text.data.align_y = "RIGHT" if side < 0.0 else "LEFT", "CENTER"
+    text.matrix_world = (camera.matrix_world @ Matrix.Translation(begin + Vector((side * GAP * width, 0.0, 0.0)))
+                         @ Matrix.Scale(LETTER * width, 4))  # fmt: skip
+    curve = bpy.data.curves.new(f"Line to {body}", "CURVE")
+    curve.dimensions, curve.bevel_depth = "3D", 0.0008 * width
+    curve.splines.new("POLY").points.add(1)
+    for point, at in zip(curve.splines[0].points, (begin, end)):
+        point.co = (*(camera.matrix_world @ at), 1.0)
+    line = bpy.data.objects.new(curve.name, curve)
+    bpy.context.scene.collection.objects.link(line)
+    for one in (text, line):
+        one.data.materials.append(bpy.data.materials["Letters"])
+        one.visible_shadow = False
+        one.select_set(False)
+
+
 def tutorial_of_organs():
     """From a scan with its masks beside it to a render with names."""
     open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_labels", "RLE_SPLAT_PT_slices")
@@ -295,7 +322,7 @@ def tutorial_of_organs():
     yield from settled()
     yield from keep("organs-3-slice")
     open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_labels", "RLE_SPLAT_PT_slices")
-    lamp("SUN", "Sun", 3.0, (0.0, -0.5, 0.3), angle=radians(3.0))
+    lamp("SUN", "Sun", 3.0, (0.32, -0.5, 0.4), angle=radians(3.0))
     lamp("AREA", "Rim", 8.0, (0.4, 0.4, 0.3), size=0.25, color=(0.62, 0.78, 1.0), use_shadow=False)
     ours.lighting, scene.rle_splat.ambient_occlusion, scene.rle_splat.quality = "SCENE", 0.7, "fine"
     camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
@@ -304,20 +331,16 @@ def tutorial_of_organs():
     yield from settled()
     scene.camera, camera.matrix_world = camera, view.region_3d.view_matrix.inverted()
     view.region_3d.view_perspective = "CAMERA"
+    view.shading.type = "MATERIAL"
+    view.shading.use_scene_lights = view.shading.use_scene_world = True
     with in_the_view():
         bpy.ops.view3d.view_center_camera()
         assert bpy.ops.rle_splat.composite() == {"FINISHED"}
         assert bpy.ops.rle_splat.add_letters() == {"FINISHED"}
     volume.select_set(False)
-    right = camera.matrix_world.to_3x3().col[0]
-    for body, place, aside, align in NAMES:
-        with in_the_view():
-            bpy.ops.object.text_add(align="VIEW", location=Vector(place) + aside * right)
-        made = bpy.context.view_layer.objects.active
-        made.name = made.data.body = body
-        made.data.align_x, made.data.align_y, made.scale = align, "CENTER", (0.014, 0.014, 0.014)
-        made.select_set(False)
-        made.data.materials.append(bpy.data.materials["Letters"])
+    for body, place, side in NAMES:
+        write_name(camera, body, Vector(place), side)
+    view.overlay.show_overlays = False
     activate(volume)
     yield from settled()
     yield from keep("organs-4-names")

@@ -16,7 +16,6 @@ from math import radians
 from pathlib import Path
 
 import bpy
-import numpy as np
 from mathutils import Euler
 
 from tests.blender.user_steps import middle, press, scroll_sidebar, settled
@@ -40,10 +39,6 @@ SHIFT, GROW, OPAQUE = -100.0, 2.0, 0.05  # HU, mm, mm: thin walls are whole and 
 DULL = 0.0, 0.75  # specular and diffuse: a cut that faces the headlight is not burnt white
 LEVEL, WINDOW = 750.0, 500.0  # HU, of the slice
 DOWN = 25  # turns of the wheel from the first panel to Cut, Slices and Render
-STRIP = (  # the gallery's strip, after the slices: photographs, and the part of each
-    ("2-imported", "640x480+150+310"), ("3-preset", "640x480+150+310"), ("4-cut", "920x690+45+130"),
-    ("5-slice", "760x570+110+160"), ("7-rendered", "790x592+245+170"),
-)  # fmt: skip
 
 
 def keep(name: str, began: float):
@@ -69,31 +64,6 @@ def camera_to_view():
     scene.camera = camera
     camera.matrix_world = area_of("VIEW_3D").spaces.active.region_3d.view_matrix.inverted()
     area_of("VIEW_3D").spaces.active.region_3d.view_perspective = "CAMERA"
-
-
-def save_strip(folder: Path) -> None:
-    """gallery-strip.jpg: twelve slices of the scan as a reader of films sees them, and the steps to the render."""
-    import pydicom  # the extension brings it
-
-    files = [pydicom.dcmread(path) for path in folder.iterdir()]
-    files.sort(key=lambda one: -one.ImagePositionPatient[2])
-    sheet = np.vstack([np.hstack([one.pixel_array for one in row]) for row in _rows_of(files)])
-    values = sheet * float(files[0].RescaleSlope) + float(files[0].RescaleIntercept)
-    gray = np.clip((values + 1000.0) * (255.0 / 2000.0), 0.0, 255.0).astype(np.uint8)
-    shots = Path(os.environ[SHOTS])
-    path = shots / "slices.pgm"
-    path.write_bytes(b"P5 %d %d 255\n" % gray.shape[::-1] + gray.tobytes())
-    words = [str(path), *(word for name, part in STRIP for word in
-                          ("(", str(shots / f"tutorial-{name}.jpg"), "-crop", part, "+repage", ")"))]  # fmt: skip
-    subprocess.run(["montage", *words, "-tile", "3x2", "-geometry", "480x360!+2+2", "-background", "black",
-                    "-quality", "85", str(shots / "gallery-strip.jpg")], check=True)  # fmt: skip
-    path.unlink()
-
-
-def _rows_of(files) -> list:
-    """Three rows of four, from the head down."""
-    some = files[len(files) // 20 :: max(len(files) // 13, 1)][:12]
-    return [some[n : n + 4] for n in range(0, 12, 4)]
 
 
 def rendered(scene):
@@ -197,7 +167,6 @@ def scenario():
     began = time.perf_counter()
     yield from rendered(scene)
     yield from keep("tutorial-7-rendered", began)
-    save_strip(folder)
 
 
 drive(scenario)
