@@ -33,6 +33,7 @@ def measured(call, words, tmp_path):
     return run
 
 
+@pytest.mark.slow
 def test_errors_are_those_of_the_picture(measured, raw, shape_xyz, function_file, tmp_path):
     """All pixels probed: the table's numbers are the whole picture's, in light, against the truth that is named."""
     report, out = measured("--probes", str(4 * 40 * 30), "-o", tmp_path / "p.npy")

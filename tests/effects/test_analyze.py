@@ -134,6 +134,7 @@ def blurred(scene) -> Scene:
     return replace(scene, camera=replace(scene.camera, aperture_radius=6.0 * scene.camera.aperture_radius))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("classification", CLASSIFICATIONS)
 @pytest.mark.parametrize("label", PRICED)
 def test_so_do_the_others_forced_off(label, classification):

@@ -118,7 +118,7 @@ def test_this_machine_has_a_speed(monkeypatch, classification, way):
 def test_no_time_of_a_run_decides_over_a_plan(monkeypatch, classification):
     """Every time that was measured is multiplied by a factor of its own, from a fifth to five."""
     monkeypatch.setattr("rle_splat.accuracy.planner.session.profile_steps", always(PROFILE))
-    random, told = np.random.default_rng(3), set()
+    random, times = np.random.default_rng(3), set()
     quality = Quality(classification=classification)
     session = drain(session_steps(scene_of(3.0), quality, StageCache(), 0.2))
     timed, cost = session.pilots, session.ray_cost
@@ -134,9 +134,9 @@ def test_no_time_of_a_run_decides_over_a_plan(monkeypatch, classification):
                 session.ray_cost = replace(cost, measured_us=us)
             choice = session.choose(tolerance)
             found.add((choice.plan, choice.rays, choice.slabs))
-            told.add(choice.milliseconds)
+            times.add(choice.milliseconds)
         assert len(found) == 1, tolerance
-    assert len(told) == 24, "what users are told is of this run"
+    assert len(times) == 24, "the time that users read is of this run"
 
 
 @pytest.mark.parametrize("lamps", ("headlight", "two suns and a point"))

@@ -54,6 +54,7 @@ def test_encoding(tmp_path: Path, name: str, kind: str):
     assert error_of(tmp_path, 1) <= BOUND
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "syntax"),
     [

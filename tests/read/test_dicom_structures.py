@@ -106,6 +106,7 @@ GRIDS = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("grid", GRIDS)
 def test_shapes_have_the_volumes_of_their_formulas(tmp_path: Path, grid: str):
     """In voxels, so that the grid does not count. The squeezed sphere is an ellipsoid."""

@@ -13,6 +13,7 @@ COUNT = int(os.environ.get("RLE_SPLAT_FUZZ", "400"))
 MOST_MEGABYTES = 64  # more than the honest files took; they are small
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="limits the memory of a process as Linux does")
 @pytest.mark.parametrize("seed", [1, 2])
 def test_mutated_files(tmp_path, seed):

@@ -129,6 +129,7 @@ def test_lights_turn_with_their_folder(tmp_path, few_planes):
     assert np.abs(there - here).max() < 1e-4
 
 
+@pytest.mark.slow
 def test_unshaded_and_one_axis(tmp_path, few_planes):
     unshaded = TransferFunction.from_json({**FUNCTION, "shade": False})
     for classification, quality in QUALITIES.items():

@@ -159,6 +159,7 @@ def test_what_is_too_large_is_halved_and_that_is_kept(monkeypatch):
         drain(fitting_steps(scene, QUALITY, StageCache()))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("classification", ("pre", "post"))
 def test_labels_and_channels_are_halved_with_the_volume(classification):
     """Half of the ball is hidden, the other in a color of its own; a channel shines beside it."""

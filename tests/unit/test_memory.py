@@ -158,6 +158,7 @@ def test_the_estimate_of_a_picture_covers_what_it_takes(size, record, dtype):
     assert 0.9 * peak <= needed <= 2.0 * peak  # writing a file, which is in it too, is not done here
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("dtype", "size", "headlight"),
     ((np.uint8, 160, True), (np.uint8, 160, False), (np.float32, 160, False), (np.uint8, 600, True)),

@@ -114,6 +114,7 @@ def test_fitting_survives_values_that_are_nearly_all_alike():
     assert fit_preset("mr-head", volume_of(np.full((2, 2, 2), 1e9, np.float32)))[0].span[1] == 1e9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name, options, choice, low, high",
     [
