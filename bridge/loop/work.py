@@ -81,7 +81,7 @@ def want(owner, depsgraph=None, ahead: int = 0) -> bool:
     except RleSplatError:
         return False
     wish = store.wish_of(owner, depsgraph, PURPOSE)
-    waits = not loading.is_at_hand(owner, depsgraph, ahead=ahead) and key not in _failed
+    waits = _waits(owner, depsgraph, ahead)
     if owner.rle_splat.frame_count > 1 and is_playing():
         _playing[wish] = Held(owner)
         timer.start(_tick)
@@ -102,7 +102,7 @@ def want(owner, depsgraph=None, ahead: int = 0) -> bool:
 def late(depsgraph) -> int:
     """Frames of the timeline from now to the time of which playback shows volumes: 0 or less.
 
-    That is the last time up to now of which all that it shows is in memory.
+    That is the last time up to now of which all that it shows is in memory, or cannot be read, which is then said.
     """
     if not is_playing():
         return 0
@@ -110,11 +110,20 @@ def late(depsgraph) -> int:
     now, owners = scene.frame_current, _followed(scene, True)
     before = now + _late(scene)
     for frame in range(now, before, -1):
-        if all(loading.is_at_hand(one, depsgraph, ahead=frame - now) for one in owners):
+        if not any(_waits(one, depsgraph, frame - now) for one in owners):
             before = frame
             break
     _shown[scene.session_uid] = before
     return before - now
+
+
+def _waits(owner, depsgraph, ahead: int) -> bool:
+    """Whether files have to be read for what a volume object shows, and may be there."""
+    try:
+        return not loading.is_at_hand(owner, depsgraph, ahead=ahead) and (
+            loading.key_of(owner, depsgraph, ahead) not in _failed)  # fmt: skip
+    except RleSplatError:
+        return False
 
 
 def _late(scene) -> int:

@@ -119,7 +119,7 @@ def test_the_first_round_shows_the_frames_that_can_be_read_and_drawn(
 
 
 def test_playback_shows_the_last_frame_in_memory_unless_it_is_too_late_or_the_round_is_new(
-    window, bridge, owner, monkeypatch
+    window, bridge, owner, tmp_path, monkeypatch
 ):
     work, loading, drain = bridge("loop.work"), bridge("volumes.loading"), bridge("volumes.volumes").drain
     scene, found = bpy.context.scene, []
@@ -138,3 +138,6 @@ def test_playback_shows_the_last_frame_in_memory_unless_it_is_too_late_or_the_ro
     assert work.late(bpy.context.evaluated_depsgraph_get()) == -5
     monkeypatch.setattr(work, "MOST_LATE", 3)
     assert work.late(bpy.context.evaluated_depsgraph_get()) == 0
+    (tmp_path / "beat_0012.raw").unlink()
+    scene.frame_set(12)
+    assert work.late(bpy.context.evaluated_depsgraph_get()) == 0, "what is wrong with a frame is not said"
