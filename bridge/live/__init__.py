@@ -12,7 +12,7 @@ from bpy.app.handlers import persistent
 
 from ..data import preferences
 from ..data.playback import is_playing
-from ..loop import timer
+from ..loop import timer, work
 from ..messages import tell
 from ..render import compositor
 from ..scene import render_scene, viewports
@@ -166,6 +166,9 @@ def _tick():
         for live in busy.values():
             live.viewport.put_off()
         return timer.BUSY
+    if is_playing() and work.is_reading():
+        for live in busy.values():
+            live.viewport.put_off()
     while _missed:
         _tag(_missed.pop())
     if not busy:

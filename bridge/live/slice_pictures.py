@@ -104,28 +104,29 @@ def update(scene, depsgraph, may_wait: bool) -> None:
     try:
         if not is_render:  # a handler of a render must create no datablock
             slices.settle_copies({one for each in bpy.data.scenes for one in slices.slice_objects(each)})
+        late = work.late(depsgraph) if may_wait else 0
         for one in found:
             hidden = one.hide_render if is_render else not one.visible_get(view_layer=depsgraph.view_layer)
             owner = slices.volume_of(one)
             if one.rle_splat.slice_image is None or hidden:
                 continue
-            if may_wait and owner is not None and work.want(owner, depsgraph):
+            if may_wait and owner is not None and work.want(owner, depsgraph, late):
                 continue
-            changed = _update(scene, one, depsgraph, MOST_OF_DRAFT if may_wait else None)
+            changed = _update(scene, one, depsgraph, MOST_OF_DRAFT if may_wait else None, late)
             if changed and not is_render:
                 one.rle_splat.slice_image.update_tag()
     finally:
         _updating.clear()
 
 
-def _update(scene, one, depsgraph, most: int | None) -> bool:
+def _update(scene, one, depsgraph, most: int | None, late: int) -> bool:
     """Make the picture of one slice if it has changed, of at most so many pixels; on failure stripes and a message.
 
     Return whether there are other pixels now.
     """
     uid = one.rle_splat.slice_image.session_uid
     try:
-        volume, matrix, window = slices.content(one, depsgraph)
+        volume, matrix, window = slices.content(one, depsgraph, late)
         full, size = slice_size(volume, matrix), slice_size(volume, matrix, most)
         shows = volume.key, matrix.tobytes(), window
         if _shown.get(uid) == shows and (uid not in _drafts or size != full):
@@ -186,7 +187,7 @@ def _full_steps(uid, held: Held):
     for window in bpy.context.window_manager.windows:
         depsgraph = window.view_layer.depsgraph
         if one is not None and depsgraph is not None and one.name in window.view_layer.objects:
-            volume, matrix, seen = slices.content(one, depsgraph)
+            volume, matrix, seen = slices.content(one, depsgraph, work.late(depsgraph))
             if _shown.get(uid) == (volume.key, matrix.tobytes(), seen):
                 yield from _picture_steps(one, depsgraph, slice_size(volume, matrix), volume, matrix, seen)
                 one.rle_splat.slice_image.update_tag()

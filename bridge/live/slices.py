@@ -114,8 +114,8 @@ def _give_own(one, image) -> None:
         one.material_slots[0].material = _material(mine)
 
 
-def content(one, depsgraph) -> tuple:
-    """What a slice shows at a depsgraph's time.
+def content(one, depsgraph, ahead: int = 0) -> tuple:
+    """What a slice shows, some frames of the timeline after a depsgraph's time.
 
     Returns
     -------
@@ -137,7 +137,7 @@ def content(one, depsgraph) -> tuple:
             f"The slice {one.name!r} is not the child of a volume: its volume was deleted, or its parent cleared; "
             "delete the slice, or make a volume its parent."
         )
-    volume = volumes.load_volume(owner, None, depsgraph)
+    volume = volumes.load_volume(owner, None, depsgraph, ahead)
     evaluated = owner.evaluated_get(depsgraph)
     frame = volume_frame(volume, evaluated, scene_scale_of(depsgraph.scene_eval, volume.unit))
     try:

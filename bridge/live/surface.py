@@ -101,14 +101,15 @@ class BlenderSurface:
         if self._depsgraph is None:
             return dict.fromkeys(request.volumes)
         owners = {key: owner for key in request.volumes if (owner := shown.find(key)) is not None}
-        read = {key: owner for key, owner in owners.items() if not work.want(owner, self._depsgraph)}
+        late = work.late(self._depsgraph)
+        read = {key: owner for key, owner in owners.items() if not work.want(owner, self._depsgraph, late)}
         surfaces = {}
         if read and self.hides() and (with_triangles or self._casts_shadows()):
             surfaces = render_scene.read_occluders(self._depsgraph)
             if not with_triangles:  # rays end at the depth of glass, too
                 surfaces = {"triangles": surfaces["triangles"]}
         return {
-            key: self._contents_or_problem(owner, shown.matrix_of(key), surfaces) if key in read else None
+            key: self._contents_or_problem(owner, shown.matrix_of(key), late, surfaces) if key in read else None
             for key, owner in owners.items()
         }
 
@@ -117,17 +118,17 @@ class BlenderSurface:
         held = self._scene.rle_splat
         return (held.use_shadows and is_any_lit(self._scene)) or held.ambient_occlusion > 0.0
 
-    def _contents_or_problem(self, owner, matrix, surfaces: dict) -> Contents | str:
+    def _contents_or_problem(self, owner, matrix, late: int, surfaces: dict) -> Contents | str:
         """Of a volume that cannot be shown a sentence, so that the others are shown."""
         try:
-            return self._contents_of(owner, matrix, surfaces)
+            return self._contents_of(owner, matrix, late, surfaces)
         except RleSplatError as problem:
             return sentence_of(problem)
 
-    def _contents_of(self, owner, matrix, surfaces: dict) -> Contents:
+    def _contents_of(self, owner, matrix, late: int, surfaces: dict) -> Contents:
         if matrix is None:
             render_scene.check_kept_up(owner, self._depsgraph)
-        plain = render_scene.seen_by(owner, self._depsgraph, _ANY_VIEW, matrix=matrix, **surfaces)
+        plain = render_scene.seen_by(owner, self._depsgraph, _ANY_VIEW, matrix=matrix, ahead=late, **surfaces)
         overrides = {name: on for name, on in plain.effects.items() if not (on and name in ELSEWHERE)}
         if overrides != plain.effects:
             plain = replace(plain, effects=overrides)

@@ -77,15 +77,16 @@ def must_wait() -> bool:
 
 
 def _tick():
-    """Timer function: call the function that is due longest, for a bite."""
-    function, now = min(_due, key=_due.get, default=None), time.perf_counter()
-    if function is not None and _due[function] <= now:
+    """Timer function: call the functions that are due, longest first, for a bite: the next one in its first half."""
+    start = now = time.perf_counter()
+    least = min(now - _ended[0], PLAYING) if is_playing() else 0.0  # as long as the window took since the last bite
+    while (function := min(_due, key=_due.get, default=None)) is not None and _due[function] <= now:
+        bite = max(_bites.get(function, BITE), least)
+        if now > start + 0.5 * bite:
+            break
         del _due[function]
         _called.append(function)
-        bite = _bites.get(function, BITE)
-        if is_playing():  # as long as the window itself took since the last one
-            bite = max(bite, min(now - _ended[0], PLAYING))
-        again, began, end = AT_ONCE, now, now + bite
+        again, began, end = AT_ONCE, now, start + bite
         try:
             while again == AT_ONCE and 2.0 * now - began < end:  # no step that, as long as the last, ends after it
                 began, again, now = now, function(), time.perf_counter()
@@ -94,9 +95,9 @@ def _tick():
             again = None
         finally:
             _called.clear()
-            _ended[0] = time.perf_counter()
+            _ended[0] = now = time.perf_counter()
         if again is not None:
-            _due[function] = time.perf_counter() + (again or PAUSE)
+            _due[function] = now + (again or PAUSE)
     if not _due:
         return None
     _next[0] = min(_due.values())

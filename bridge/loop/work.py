@@ -3,7 +3,7 @@
 Viewports, slices and a backdrop that follows the scene ask for what a volume object shows now.  What is wanted stays in
 the queue until it is read, or until the object shows something else.  Slices in full and the backdrop come next.  When
 nothing else is done, the frames that follow of volumes in time are read ahead, until all are in memory or it is full.
-During playback only frames are read that will be shown when they are there; those that come before are dropped.
+During playback frames are read in turn and shown in turn, some late: packed files can only be read in turn.
 Scripts and background mode do not wait for timers: they read at once.
 """
 
@@ -28,6 +28,7 @@ PURPOSE = "picture"  # of a wish, see ``store.Wish``
 BACKDROP, SLICES = "backdrop", "slices"  # names of pictures
 LOOK_AROUND = 0.2  # seconds after a frame change, and before other work, in which nothing is read ahead
 MOST_AHEAD = 8  # frames that are looked at in a step for one to be read ahead
+MOST_LATE = 24  # frames of the timeline by which playback shows one late; beyond, what comes between is left out
 
 
 @dataclass(eq=False)
@@ -40,14 +41,11 @@ class ReadingWork:
         ``store.Wish`` -> Held volume object that waits; empty when reading ahead.
     progress : Progress or None
         The last one.
-    began : int or None
-        Frame of the timeline when it began, where it reads ahead.
     """
 
     steps: Generator
     waiting: dict = field(default_factory=dict)
     progress: Progress | None = None
-    began: int | None = None
 
 
 class PictureWork(NamedTuple):
@@ -63,27 +61,32 @@ _queue: dict = {}  # key of the files, see ``loading.key_of`` -> ReadingWork; th
 _failed: set = set()  # keys of sources that could not be read; asking for them again tells why
 _ahead = [0]  # frame from where on one is looked for to be read ahead: 1 is the one that is shown; 0 for none
 _looked: set = set()  # (session id of a volume object, its frame) that were looked at
-_behind: dict = {}  # store.Wish -> Held volume object whose frame was not there in time during playback
-_moved = [0]  # frames that playback went on by while the last one was read; negative backward or after a new round
+_playing: dict = {}  # store.Wish -> Held volume object in time that was asked for during playback
+_shown: dict = {}  # session id of a scene -> frame of the timeline whose volumes playback shows
 
 
-def want(owner, depsgraph=None) -> bool:
-    """Ask for the voxels that a volume object shows now, and for its labels.
+def want(owner, depsgraph=None, ahead: int = 0) -> bool:
+    """Ask for the voxels that a volume object shows, and for its labels.
 
-    Whether they are being read; the object is then tagged for an update when they are there.  False if they are in
-    memory or could not be read, so that ``load_volume`` returns or says why at once.
+    Whether they are being read; the object is then tagged for an update when they are there, or when playback stops.
+    False if they are in memory or could not be read, so that ``load_volume`` returns or says why at once.
+
+    Parameters
+    ----------
+    ahead : int
+        Frames of the timeline from now on; see ``late``.
     """
     try:
-        key = loading.key_of(owner, depsgraph)
+        key = loading.key_of(owner, depsgraph, ahead)
     except RleSplatError:
         return False
     wish = store.wish_of(owner, depsgraph, PURPOSE)
-    waits = not loading.is_at_hand(owner, depsgraph) and key not in _failed
-    _behind.pop(wish, None)
-    if waits and key not in _queue and is_playing() and not volumes.is_at_hand(owner, depsgraph):
-        _behind[wish] = Held(owner)
+    waits = _waits(owner, depsgraph, ahead)
+    if owner.rle_splat.frame_count > 1 and is_playing():
+        _playing[wish] = Held(owner)
         timer.start(_tick)
-        return True
+        if waits and not volumes.is_at_hand(owner, depsgraph, ahead):
+            return True  # frames are read in turn
     for other in [other for other in _queue if other != key]:
         showed = _queue[other].waiting.pop(wish, None)  # and shows something else now
         if not _queue[other].waiting and (showed or waits):
@@ -94,6 +97,46 @@ def want(owner, depsgraph=None) -> bool:
             timer.start(_tick)
         _queue[key].waiting[wish] = Held(owner)
     return waits
+
+
+def late(depsgraph) -> int:
+    """Frames of the timeline from now to the time of which playback shows volumes: 0 or less.
+
+    That is the last time up to now of which all that it shows is in memory, or cannot be read, which is then said.
+    """
+    if not is_playing():
+        return 0
+    scene = depsgraph.scene
+    now, owners = scene.frame_current, _followed(scene, True)
+    before = now + _late(scene)
+    for frame in range(now, before, -1):
+        if not any(_waits(one, depsgraph, frame - now) for one in owners):
+            before = frame
+            break
+    _shown[scene.session_uid] = before
+    return before - now
+
+
+def _waits(owner, depsgraph, ahead: int) -> bool:
+    """Whether files have to be read for what a volume object shows, and may be there."""
+    try:
+        return not loading.is_at_hand(owner, depsgraph, ahead=ahead) and (
+            loading.key_of(owner, depsgraph, ahead) not in _failed)  # fmt: skip
+    except RleSplatError:
+        return False
+
+
+def _late(scene) -> int:
+    """Frames of the timeline from now to those that playback showed last: 0 for others, too, as in a new round."""
+    frames = _shown.get(scene.session_uid, scene.frame_current) - scene.frame_current
+    return frames if -MOST_LATE <= frames <= 0 else 0
+
+
+def _followed(scene, playing: bool) -> list:
+    """The volume objects in time of a scene whose frames are read: those that playback shows, or that are in memory."""
+    return [owner for owner in volumes.volume_objects(scene) if owner.rle_splat.frame_count > 1 and (
+            store.Wish(owner.session_uid, scene.session_uid, PURPOSE) in _playing if playing
+            else volumes.is_at_hand(owner))]  # fmt: skip
 
 
 @persistent
@@ -129,6 +172,11 @@ def drop(name: str) -> None:
     _pictures.pop(name, None)
 
 
+def is_reading() -> bool:
+    """Whether files are being read."""
+    return bool(_queue)
+
+
 def progress() -> Progress | None:
     """How far the reading is that an object waits for; None if there is none."""
     return next((work.progress for work in _queue.values() if work.waiting), None)
@@ -140,7 +188,8 @@ def stop() -> None:
         _drop(key)
     _pictures.clear()
     _failed.clear()
-    _behind.clear()
+    _playing.clear()
+    _shown.clear()
     _ahead[0] = 0
     timer.stop(_tick)
 
@@ -169,11 +218,11 @@ def _tick():
             drop(name)
     if progress() is not None:
         redraw_sidebars(bpy.context)
-    if _behind and not (playing and _queue):
-        _tag_behind(playing)
+    if _playing and not playing:
+        _end_playback()
     if wait <= 0.0 or (may_read and (_queue or (_ahead[0] and not playing))):
         return timer.AT_ONCE
-    wait = min(wait, LOOK_AROUND if _behind or _queue or _ahead[0] else math.inf)
+    wait = min(wait, LOOK_AROUND if _playing or _queue or _ahead[0] else math.inf)
     return wait if wait < math.inf else None
 
 
@@ -186,33 +235,28 @@ def _advance(key: tuple) -> None:
         pass
     except Exception:  # whoever needs the voxels reads them at once then, and reports what is wrong
         _failed.add(key)
-    work = _drop(key)
-    if work.began is not None:
-        _moved[0] = bpy.context.scene.frame_current - work.began
-    for owner in work.waiting.values():
+    for owner in _drop(key).waiting.values():
         if (found := owner.find()) is not None:
             found.update_tag()
 
 
-def _tag_behind(playing: bool) -> None:
-    """Tag the objects whose frame came late, or all that wait for one once playback has stopped."""
-    for wish, held in list(_behind.items()):
-        owner = held.find()
-        if owner is None or not playing or volumes.is_at_hand(owner):
-            del _behind[wish]
-            if owner is not None:
-                owner.update_tag()
+def _end_playback() -> None:
+    """Tag the objects that playback showed: what they show now may not have been there in time."""
+    for held in _playing.values():
+        if (owner := held.find()) is not None:
+            owner.update_tag()
+    _playing.clear()
+    _shown.clear()
 
 
 def _next_frame(playing: bool = False) -> dict:
     """Key and ReadingWork of the next frame that is not in memory, of MOST_AHEAD that are looked at; else empty."""
     scenes = dict.fromkeys(window.scene for window in bpy.context.window_manager.windows)
-    followed = [(scene, owner) for scene in scenes for owner in volumes.volume_objects(scene)
-                if owner.rle_splat.frame_count > 1 and (playing or volumes.is_at_hand(owner))]  # fmt: skip
-    first = 1 + _moved[0] if playing else _ahead[0] - 1  # what is shown stays, too
+    followed = [(scene, owner) for scene in scenes for owner in _followed(scene, playing)]
+    first = 1 if playing else _ahead[0] - 1  # what is shown stays, too
     for n in range(first, first + MOST_AHEAD):
         for scene, owner in followed:
-            ahead = frames_until(scene, n)
+            ahead = frames_until(scene, n + (_late(scene) if playing else 0))
             frame = owner.session_uid, shown_frame(owner, ahead=ahead)
             if not playing:
                 if frame in _looked:
@@ -225,7 +269,7 @@ def _next_frame(playing: bool = False) -> dict:
             except RleSplatError:
                 continue  # the frame is missing; it is said when it is shown
             if playing or n <= 1 or store.has_room(owner):
-                return {key: ReadingWork(loading.load_ahead_steps(owner, ahead), began=scene.frame_current)}
+                return {key: ReadingWork(loading.load_ahead_steps(owner, ahead))}
             _ahead[0] = 0
             return {}
     if not playing:

@@ -123,8 +123,9 @@ def read_occluders(depsgraph) -> dict:
 
 
 def seen_by(
-    volume_object, depsgraph, view: tuple, *, with_shadows: bool = True, warn=None, matrix=None, **of_view
-) -> Scene:
+    volume_object, depsgraph, view: tuple, *, with_shadows: bool = True, warn=None, matrix=None, ahead: int = 0,
+    **of_view,
+) -> Scene:  # fmt: skip
     """Read what a picture of a volume depends on, as a given camera sees it.
 
     Parameters
@@ -133,6 +134,8 @@ def seen_by(
         The camera as plain data, width and height of the frame in pixels.
     matrix : (4, 4) ndarray of float64, optional
         The matrix of an instance of the volume; left out, that of the object.
+    ahead : int
+        Frames of the timeline after the depsgraph's time, of the voxels and labels.
     **of_view
         Further fields of Scene: triangles, panes, crop, motion.
 
@@ -144,7 +147,7 @@ def seen_by(
     scene = depsgraph.scene_eval
     camera, width, height = view
     loading.withdraw_unused(volume_object, depsgraph)
-    volume = volumes.load_volume(volume_object, warn, depsgraph)
+    volume = volumes.load_volume(volume_object, warn, depsgraph, ahead)
     if volume.holds_values:
         transfer_function = transfer.shown_transfer(volume_object, depsgraph)
     else:  # its own, also where the file was encoded again since the import
@@ -166,7 +169,7 @@ def seen_by(
         headlight=lighting in ("HEADLIGHT", "BOTH") or (lighting == "SCENE" and not (lights or world)),
         clips=read_clips(depsgraph, volume_object, moved),
         channels=read_channels(volume_object, depsgraph, volume),
-        labels=read_labels(volume_object, depsgraph, volume, transfer_function),
+        labels=read_labels(volume_object, depsgraph, volume, transfer_function, ahead),
         mode=shown_as.mode,
         mist=read_mist(depsgraph),
         effects=overrides_of(scene),

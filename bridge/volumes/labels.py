@@ -121,10 +121,10 @@ def are_used(owner) -> bool:
     return bool(owner.rle_splat.label_file) and len(owner.rle_splat.labels) > 0
 
 
-def are_at_hand(owner, volume, depsgraph=None) -> bool:
+def are_at_hand(owner, volume, depsgraph=None, ahead: int = 0) -> bool:
     """Whether the labels of a volume object are in memory, or their file is missing, which ``load_steps`` says."""
     try:
-        return store.find(file_of(owner, depsgraph).key(volume)) is not None
+        return store.find(file_of(owner, depsgraph, ahead).key(volume)) is not None
     except RleSplatError:
         return True
 
@@ -162,11 +162,14 @@ def _read_steps(file: LabelFile, volume):
     return LabelMap(found, values)
 
 
-def read_labels(owner, depsgraph, volume, transfer_function) -> Labels | None:
-    """The labels of a volume object as plain data at the depsgraph's time; None without a label file or rows."""
+def read_labels(owner, depsgraph, volume, transfer_function, ahead: int = 0) -> Labels | None:
+    """The labels of a volume object as plain data; None without a label file or rows.
+
+    ``ahead``: frames of the timeline after the depsgraph's time.
+    """
     if not are_used(owner):
         return None
-    found = drain(load_steps(store.wish_of(owner, depsgraph, PURPOSE), file_of(owner, depsgraph), volume))
+    found = drain(load_steps(store.wish_of(owner, depsgraph, PURPOSE), file_of(owner, depsgraph, ahead), volume))
     return shown_as(owner, depsgraph, found.volume, volume, transfer_function)
 
 

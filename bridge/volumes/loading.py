@@ -22,14 +22,14 @@ def key_of(owner, depsgraph=None, ahead: int = 0) -> tuple:
     return (*keys, labels.file_of(owner, depsgraph, ahead) if labels.are_used(owner) else None)
 
 
-def is_at_hand(owner, depsgraph=None, with_labels: bool | None = None, further=()) -> bool:
-    """Whether nothing need be read for a picture of a volume object.
+def is_at_hand(owner, depsgraph=None, with_labels: bool | None = None, further=(), ahead: int = 0) -> bool:
+    """Whether nothing need be read for a picture of a volume object, ``ahead`` frames of the timeline later.
 
     Labels and channels whose file is missing are not waited for: what needs them fails at once.
     """
-    volume = volumes.at_hand(owner, depsgraph)
+    volume = volumes.at_hand(owner, depsgraph, ahead)
     with_labels = labels.are_used(owner) if with_labels is None else with_labels
-    if volume is None or (with_labels and not labels.are_at_hand(owner, volume, depsgraph)):
+    if volume is None or (with_labels and not labels.are_at_hand(owner, volume, depsgraph, ahead)):
         return False
     return all(_is_placed(one, volume, depsgraph) for one in (*channels.sources_of(owner, depsgraph), *further))
 

@@ -134,12 +134,12 @@ def file_of_frame(path: str, frame: int) -> str:
     return str(found.file(frame))
 
 
-def load_steps(owner, depsgraph=None):
+def load_steps(owner, depsgraph=None, ahead: int = 0):
     """Generator of Progress: load the voxels of a volume object as ``load_volume`` does; return the Volume.
 
     The object is read before the first step, so it may be deleted meanwhile.
     """
-    source = source_of(owner, shown_frame(owner, depsgraph))
+    source = source_of(owner, shown_frame(owner, depsgraph, ahead))
     return _cached_steps(source, store.wish_of(owner, depsgraph, PURPOSE))
 
 
@@ -159,7 +159,7 @@ def _cached_steps(source: VolumeSource, wish: store.Wish):
         ) from None
 
 
-def load_volume(owner, warn=None, depsgraph=None):
+def load_volume(owner, warn=None, depsgraph=None, ahead: int = 0):
     """The voxels of a volume object, from memory or from its file.
 
     Parameters
@@ -168,17 +168,19 @@ def load_volume(owner, warn=None, depsgraph=None):
         Called with one sentence if the voxels differ from those that were imported.
     depsgraph : bpy.types.Depsgraph, optional
         Gives the time of a volume in time; without it that of the current scene.
+    ahead : int
+        Frames of the timeline after that time.
 
     Raises
     ------
     RleSplatError
         If the object is no volume, or its file is missing or cannot be read.
     """
-    volume = drain(load_steps(owner, depsgraph))
+    volume = drain(load_steps(owner, depsgraph, ahead))
     properties = owner.rle_splat
     if warn is None or not properties.data_key:
         return volume
-    frame = shown_frame(owner, depsgraph)
+    frame = shown_frame(owner, depsgraph, ahead)
     if frame != properties.data_frame:
         if properties.files_digest and properties.files_digest != files_digest(owner):
             warn(f"The files of {owner.name!r} have changed since the import; if frame {frame} looks wrong, import "

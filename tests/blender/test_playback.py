@@ -248,12 +248,12 @@ def test_a_frame_that_is_late_is_shown_when_playback_stops(owner, bridge, playin
     work, scene, volumes = bridge("loop.work"), bpy.context.scene, bridge("volumes.volumes")
     bridge("loop.store").forget_all()
     scene.frame_set(3)
-    assert work.want(owner) and work._behind and not work._queue
+    assert work.want(owner) and work._playing and not work._queue
     playing[0] = False
     tagged = []
     while work._tick() is not None:
         tagged.append(True)
-    assert not work._behind and not work._queue
+    assert not work._playing and not work._queue
     assert work.want(owner) and work._queue, "as the update that it was tagged for does"
     run_timer(work)
     assert volumes.is_at_hand(owner)
