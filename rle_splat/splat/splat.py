@@ -20,8 +20,9 @@ from .sheet_buffer import splat_rows
 
 # Transmittance below which a pixel is opaque whatever the plan says: keeps denormal numbers out of the loop.
 OPAQUE = 1e-30
-# Pixels and voxels along the rows of all sheets, for each thread between two steps: 8 to 20 ms.  With half of it a
-# draft took 2 to 7 % longer.  With labels or channels each takes up to MIXED times as long.
+# Pixels and voxels along the rows of all sheets, for each thread between two steps: 8 to 20 ms.  In four steps in
+# place of one a draft of the CT engine took 3 to 6 % longer.  With labels or channels each takes up to MIXED times as
+# long.
 WORK_AT_ONCE, MIXED = 12_000_000, 8
 BANDS_EACH = 2  # for each of several threads at once, at least: with fewer, threads wait for one another
 LOADING = None
