@@ -7,7 +7,7 @@ import numpy as np
 from ..runtime.jit import kernel, parallel_call
 from ..runtime.parallel import share_out
 from ..scene import NO_DEPTH
-from .reference import SAME_SURFACE
+from .reference import CLEAR, SAME_SURFACE
 from .taps import tap2x2, tap4x4
 
 ROWS = 8  # rows of the picture per band
@@ -30,6 +30,13 @@ def _half_depth(half_depths, width, at, across, down):
     upper, lower = a + across * (b - a), c + across * (d - c)
     mixed = upper + down * (lower - upper)
     return mixed if most - least <= SAME_SURFACE else nearest
+
+
+@kernel(inner=True)
+def _is_clear(half_depths, width, at):
+    """Whether all four sheet pixels from ``at`` on are transparent."""
+    a, b = half_depths[at] == CLEAR, half_depths[at + 1] == CLEAR
+    return a and b and half_depths[at + width] == CLEAR and half_depths[at + width + 1] == CLEAR
 
 
 @kernel(inner=True)
@@ -146,7 +153,7 @@ def _resample_rows(
             first_pixel = r * picture_width + c
             for i in range(count):
                 halves[i] = np.inf
-                if at[i] < 0:
+                if at[i] < 0 or _is_clear(half_depths, width, at[i]):
                     continue
                 to = first_pixel + i
                 if taps == 2:
@@ -163,7 +170,7 @@ def _resample_rows(
                 w = maps[2, 0] * center + w_here
                 at_zero, per_voxel = maps[3, 0] * center + at_zero_here, maps[4, 0] * center + per_voxel_here
                 depth = np.float32((halves[i] * per_voxel + at_zero) / w)
-                found[i] = depth if halves[i] < np.inf else found[i]
+                found[i] = depth if halves[i] < CLEAR else found[i]
 
 
 @kernel(inner=True)
@@ -233,7 +240,7 @@ def resample(
     pixels : (h, w, 4) ndarray of float32
         Color and transmittance, or spline coefficients of color and alpha, as the filter needs.
     half : (h, w) ndarray of float32
-        Half depths along the viewing direction, inf for none.
+        Half depths along the viewing direction, inf for none, CLEAR for none in a transparent pixel.
     sheet_origin, picture_origin : (column, row)
         Numbers of the first pixels of the arrays.
     to_sheet : (3, 3) ndarray of float64

@@ -11,7 +11,7 @@ from ..splat.intermediate_image import IntermediateImage
 from ..view.eye import IndexView
 from . import reference
 from .filters import FILTERS
-from .reference import MARGIN
+from .reference import CLEAR, MARGIN
 from .resample import resample, shown_in
 from .spline_prefilter import spline_coefficients
 
@@ -71,7 +71,8 @@ def warp_steps(images: list[IntermediateImage], view: IndexView, region, quality
         part_origin = plane.origin[0] + columns.start, plane.origin[1] + rows.start
         origin = plane.origin
         if prefiltered:
-            pixels, half = _coefficients(pixels, rows, columns, quality), half[rows, columns]
+            half = np.where(pixels[rows, columns, 3] < 1.0, half[rows, columns], CLEAR)
+            pixels = _coefficients(pixels, rows, columns, quality)
             filled, origin = np.ascontiguousarray(filled[:, rows]) - np.int32(columns.start), part_origin
         held = rows.stop - rows.start, columns.stop - columns.start
         for first in range(0, len(depth), rows_at_once):

@@ -8,7 +8,7 @@ import pytest
 from rle_splat.scene import WARP_FILTERS
 from rle_splat.warp import reference
 from rle_splat.warp.filters import FILTERS
-from rle_splat.warp.reference import MARGIN
+from rle_splat.warp.reference import CLEAR, MARGIN
 from rle_splat.warp.resample import resample, shown_in
 from rle_splat.warp.spline_prefilter import spline_coefficients
 
@@ -262,3 +262,18 @@ def test_any_number_of_threads_gives_the_same_bits(name):
 
 def test_every_filter_of_the_table_is_there():
     assert tuple(FILTERS) == WARP_FILTERS
+
+
+@pytest.mark.parametrize("function", RESAMPLERS)
+def test_nothing_is_shown_between_four_transparent_pixels(function):
+    """The cubic's lobes beside a hard outline; what is seen of a pixel stays as it is."""
+    image = np.zeros((40, 40, 4))
+    image[:, 20:] = 0.5, 0.6, 0.7, 1.0
+    to_sheet = np.array([[0.3, 0.0, 14.0], [0.0, 0.3, 14.0], [0.0, 0.0, 1.0]])
+    half = np.full((40, 40), np.inf, np.float32)
+    with_lobes = filtered(function, image, to_sheet, "cubic", (12, 30), half=half)
+    half[:, :20], half[:, 20:] = CLEAR, 3.0
+    found = filtered(function, image, to_sheet, "cubic", (12, 30), half=half)
+    beside = 14.0 + 0.3 * (np.arange(30) + 0.5) < 19.0
+    assert with_lobes[:, beside].max() > 0.01 and not found[:, beside].any()
+    assert np.array_equal(found[:, ~beside], with_lobes[:, ~beside]) and found[:, ~beside].max() > 0.5
