@@ -112,7 +112,6 @@ def scenario():
         # Imported when the extension, which brings pydicom, is installed.
         import_module("devtools.practice_ct").write_series(folder)
     bpy.context.preferences.view.render_display_type = "AREA"
-    bpy.context.preferences.system.use_region_overlap = False  # the sidebar stands beside the view
     open_panels(*(f"RLE_SPLAT_PT_{name}" for name in PANELS))
     yield from new_file()
     with bpy.context.temp_override(window=window(), area=area_of("PROPERTIES")):
@@ -195,4 +194,4 @@ def scenario():
     save_strip(folder)
 
 
-drive(scenario)
+drive(scenario, overlap=False)
