@@ -44,9 +44,9 @@ PATIENCE = 600  # seconds of pauses; each waits for the window, so a busy machin
 STILL = 0.6  # seconds that a photograph waits for work that goes on
 SLEEP = 0.005  # seconds between looks for events, as Blender sleeps where none is simulated
 SHOTS = "RLE_SPLAT_SHOTS"
-# The only photograph of each script that is kept, but for those that a script looks at, and the only one with the
-# floor's grid and outlines of selected objects, a third of what software takes for a redraw.  Without the variable all
-# are kept, and have them.
+# The only photograph of each script that is kept, but for those that a script looks at, and the only one with outlines
+# of selected objects and the floor's grid, a quarter of what software takes for a redraw.  Without the variable all are
+# kept, and have them.
 GOLDEN = json.loads(os.environ.get("RLE_SPLAT_GOLDEN", "null"))
 TAB = "RLE Splat"
 WIDE = 380  # pixels of the Properties editor, as on a screen of usual size
