@@ -3,6 +3,7 @@ tests/blender on demand.  And photographs of its window, of any scenario."""
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import subprocess
@@ -31,7 +32,6 @@ SHOTS = BUILD / "window-shots"  # photographs, in a folder for each script
 
 PHOTOGRAPHED = (5, 2)  # the version of Blender whose photographs are approved
 AT_ONCE = 2  # windows, which wait half of their time
-USUAL_SCREEN = (1280, 800)
 SMALL_SCREEN = (1100, 640)  # where pictures are not the point: software draws each pixel
 # The scripts that drive a window, with their screens in pixels.
 WINDOW_SCRIPTS = {
@@ -40,13 +40,13 @@ WINDOW_SCRIPTS = {
     "window_import.py": SMALL_SCREEN,
     "window_segments.py": SMALL_SCREEN,
     "window_organs.py": SMALL_SCREEN,
-    "window_dialogs.py": USUAL_SCREEN,
+    "window_dialogs.py": SMALL_SCREEN,
     "window_live.py": SMALL_SCREEN,
     "window_several.py": SMALL_SCREEN,
     "window_cut.py": SMALL_SCREEN,
     "window_slices.py": (1600, 1000),  # four views
-    "window_hidden.py": USUAL_SCREEN,
-    "window_look.py": USUAL_SCREEN,
+    "window_hidden.py": SMALL_SCREEN,
+    "window_look.py": SMALL_SCREEN,
     "window_presets.py": (1280, 1400),  # all pictures of the panel Presets
     "window_film.py": SMALL_SCREEN,
     "window_trust.py": SMALL_SCREEN,
@@ -60,6 +60,12 @@ WINDOW_SCRIPTS = {
     "window_tutorial.py": SMALL_SCREEN,
 }
 
+# Scripts that share a window, whose start takes 4 s of a processor: each leaves Blender as the next one wants it.
+TOGETHER = (
+    ("window_segments.py", "window_organs.py", "window_figure.py", "window_world.py", "window_turntable.py"),
+    ("window_several.py", "window_encoded.py", "window_shadows.py", "window_trust.py", "window_film.py"),
+)
+
 # A photograph of each script of a window that is the same at every run; without what differs: seconds, progress.
 PHOTOGRAPHS = {
     "window_after_render": "still, locked", "window_cut": "plane_dragged", "window_dialogs": "choose_series",
@@ -71,7 +77,7 @@ PHOTOGRAPHS = {
     "window_turntable": "ended", "window_world": "slot 1 after the edit",
 }  # fmt: skip
 # Scripts whose photographs show a view as users have it, that look at the lines in it, or that photograph by a command
-# of their own.  In those of the others the floor's grid, a quarter of a redraw, is in that of PHOTOGRAPHS alone.
+# of their own.  Of the others that of PHOTOGRAPHS alone is kept, and has all lines of the view.
 WITH_FLOOR = ("window_live.py", "window_tutorial.py", "window_after_render.py")
 
 
@@ -159,28 +165,35 @@ def _virtual_screen(blender: Blender, size: tuple[int, int]):
         server.wait()
 
 
-def label_of(script: str) -> str:
-    """What a script is called in the table of stages."""
-    return Path(script).stem.removeprefix("window_")
+def label_of(scripts: tuple[str, ...]) -> str:
+    """What the scripts of a window are called in the table of stages."""
+    return " + ".join(Path(script).stem.removeprefix("window_") for script in scripts)
+
+
+def windows() -> list[tuple[str, ...]]:
+    """The scripts of each window."""
+    shared = {script: together for together in TOGETHER for script in together}
+    return list(dict.fromkeys(shared.get(script, (script,)) for script in WINDOW_SCRIPTS))
 
 
 def window_stage(
-    zips: dict[str, Path], script: Path, label: str, size: tuple[int, int], backend: str | None = None,
+    zips: dict[str, Path], scripts: list[Path], label: str, size: tuple[int, int], backend: str | None = None,
     installed: Path | None = None, **environ: str,
 ) -> Stage:  # fmt: skip
-    """A script that needs a window, on a virtual screen of this size; ``zips``: those that are built, by Python.
+    """Scripts that need a window, one after the other, on a virtual screen of this size.
 
+    ``zips``: those that are built, by Python.
     ``backend``: what Blender draws with, "opengl" or "vulkan"; None for its own choice.  ``installed``: a user's folder
     with the extension; without one it is installed.
     """
     try:
         blender = find_blender()
         with _virtual_screen(blender, size) as display:
-            simulates = () if script.name in REAL_EVENTS else ("--enable-event-simulate",)
+            simulates = () if scripts[0].name in REAL_EVENTS else ("--enable-event-simulate",)
             place = [*simulates, "--window-geometry", "0", "0", *map(str, size)]
             place += ["--gpu-backend", backend] if backend else []
             label += f", {backend}" if backend else ""
-            return _run(blender, zips, script, f", {label}", place, installed, DISPLAY=display, **environ)
+            return _run(blender, zips, scripts, f", {label}", place, installed, DISPLAY=display, **environ)
     except Failure as problem:
         return untested(f"real blender, {label}", str(problem))
 
@@ -196,17 +209,17 @@ def real_blender_stages(zips: dict[str, Path], script: str = SHORT, backend: str
     with tempfile.TemporaryDirectory(prefix="installed_", dir=BUILD) as name:
         installed = Path(name) / "user" if script == SHORT else None
         try:
-            background = _run(ensure_blender(), zips, TESTS / script, "", ["--background"], installed)
+            background = _run(ensure_blender(), zips, [TESTS / script], "", ["--background"], installed)
         except Failure as problem:
             return [untested("real blender and its windows", str(problem))]
 
-        def run(name: str) -> Stage:
-            size, golden = WINDOW_SCRIPTS[name], PHOTOGRAPHS.get(Path(name).stem, "")
-            environ = {} if name in WITH_FLOOR else {"RLE_SPLAT_GOLDEN": golden}
-            return window_stage(zips, TESTS / name, label_of(name), size, backend, installed, **environ)
+        def run(names: tuple[str, ...]) -> Stage:
+            size, scripts = WINDOW_SCRIPTS[names[0]], [TESTS / name for name in names]
+            environ = {} if names[0] in WITH_FLOOR else {"RLE_SPLAT_GOLDEN": json.dumps(PHOTOGRAPHS)}
+            return window_stage(zips, scripts, label_of(names), size, backend, installed, **environ)
 
         with ThreadPoolExecutor(AT_ONCE) as workers:  # after the first run, which makes the zip
-            stages = [background, *workers.map(run, WINDOW_SCRIPTS)]
+            stages = [background, *workers.map(run, windows())]
     return [*stages, _compare_photographs(backend)] if script == SHORT else stages
 
 
@@ -220,21 +233,21 @@ def _compare_photographs(backend: str | None) -> Stage:
 
 
 def _run(
-    blender: Blender, zips: dict[str, Path], script: Path, label: str, place: list[str], installed: Path | None = None,
-    **environ: str,
+    blender: Blender, zips: dict[str, Path], scripts: list[Path], label: str, place: list[str],
+    installed: Path | None = None, **environ: str,
 ) -> Stage:  # fmt: skip
-    """Run a script in a folder of its own with the tests of Blender beside it; keep its photographs.
+    """Run scripts in a folder of their own with the tests of Blender beside them; keep their photographs.
 
     ``installed``: its user's folder to begin with; where there is none yet, its own is left there.
     """
     name = f"real blender {blender.version[0]}.{blender.version[1]}{label}"
     try:
-        folder = _workplace(blender, zips, script.name == WHOLE, installed)
+        whole = scripts[0].name == WHOLE
+        folder = _workplace(blender, zips, whole, installed)
     except Failure as problem:
         return broken(name, str(problem))
-    copy = folder / "tests/blender" / script.name
     importable = f"import sys; sys.path.insert(0, {blender.inside(folder)!r})"  # scripts import tests.blender
-    shutil.copyfile(script, copy)  # where it is one of the tests, over itself
+    copies = [Path(shutil.copy(script, folder / "tests/blender")) for script in scripts]  # of the tests, over itself
     shared = blender.root / "kernels-of-tests" if blender.root else BPY_KERNELS
     environ = environ_for(
         blender,
@@ -242,7 +255,7 @@ def _run(
         RLE_SPLAT_PYTEST=blender.inside(folder / "pytest"),
         RLE_SPLAT_REPORT=blender.inside(folder / "report.jsonl"),
         # The zip brings what a short script needs; the driver of windows looks here for what it does not bring.
-        RLE_SPLAT_CACHE=blender.inside(shared if script.name == WHOLE else folder / "cache"),
+        RLE_SPLAT_CACHE=blender.inside(shared if whole else folder / "cache"),
         RLE_SPLAT_SHOTS=blender.inside(folder / "shots"),
         BLENDER_USER_RESOURCES=blender.inside(folder / "user"),
         TMPDIR=blender.inside(folder / "tmp"),
@@ -250,18 +263,20 @@ def _run(
         **environ,
     )
     command = [*blender.command, *place, "--factory-startup", "--python-exit-code", "1"]
-    command += ["--python-expr", importable, "--python", blender.inside(copy)]
+    command += ["--python-expr", importable]
+    command += [word for copy in copies for word in ("--python", blender.inside(copy))]
     say(f"\n=== {name} ({blender.label}, Python {blender.python})")
-    if script.name != WHOLE:
+    if not whole:
         stage = counted(name, command, environ, REPORTS / f"{file_name(name)}.txt")
     else:
         stage = measured(name, command, environ, folder / "report.jsonl")
     stage.remarks.insert(0, f"{blender.label}, Python {blender.python}")
-    shots = SHOTS / script.stem
-    shutil.rmtree(shots, ignore_errors=True)
-    if any((folder / "shots").iterdir()):
-        shutil.copytree(folder / "shots", shots)
-        stage.remarks.append(f"photographs in {shots.relative_to(ROOT)}")
+    for script in scripts:
+        shots, taken = SHOTS / script.stem, folder / "shots" / script.stem
+        shutil.rmtree(shots, ignore_errors=True)
+        if taken.is_dir() and any(taken.iterdir()):
+            shutil.copytree(taken, shots)
+            stage.remarks.append(f"photographs in {shots.relative_to(ROOT)}")
     if installed and not installed.is_dir() and not stage.failed:
         shutil.move(folder / "user", installed)
     shutil.rmtree(folder, ignore_errors=True)

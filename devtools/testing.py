@@ -406,4 +406,4 @@ def photograph(scenario: Path, size: str, backend: str | None = None) -> int:
     """Run a scenario of tests/blender/window_driver.py in a window; its photographs are kept in build/window-shots/."""
     if not scenario.is_file():
         raise Failure(f"There is no scenario {scenario}.")
-    return summary([window_stage({}, scenario, scenario.stem, pixels(size), backend)])
+    return summary([window_stage({}, [scenario], scenario.stem, pixels(size), backend)])

@@ -176,8 +176,8 @@ def encoded(folder):
 
 def measured(folder):
     add_volume(folder)
-    bpy.ops.rle_splat.measure_accuracy(probes=50, repeats=1)
-    bpy.ops.rle_splat.error_map()
+    bpy.ops.rle_splat.measure_accuracy(probes=20, repeats=1)
+    bpy.ops.rle_splat.error_map(step=4)
     assert bpy.context.scene.rle_splat.accuracy_rows
 
 

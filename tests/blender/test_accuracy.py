@@ -28,7 +28,7 @@ def volume(tmp_path):
 
 @pytest.fixture
 def measured(volume):
-    assert bpy.ops.rle_splat.measure_accuracy(probes=100, repeats=1) == {"FINISHED"}
+    assert bpy.ops.rle_splat.measure_accuracy(probes=50, repeats=1) == {"FINISHED"}
     return bpy.context.scene.rle_splat
 
 

@@ -32,7 +32,7 @@ def test_the_documented_script_runs(tmp_path):
     for name, there in (("/data/dicom", tmp_path / "scan"), ("/data/scan.png", tmp_path / "render.png")):
         assert script.count(f'"{name}"') == 1
         script = script.replace(f'"{name}"', repr(str(there)))
-    scenes.use_cycles()
+    scenes.use_cycles((32, 32))
     exec(compile(script, "script-blender.md", "exec"), {})
     scene = bpy.context.scene
     settings, camera = scene.rle_splat, scene.camera

@@ -15,8 +15,8 @@ from tests.blender import layout_recorder, panel_states
 from tests.blender.real_blender import MODULE
 
 TYPES = ("uint8", "int16", "uint16", "float32")
-# The state with most knobs with each stored type, each control with two of them in turn; the others with one: most
-# kernels serve all types.
+# The state with most knobs with each stored type, each control with one of them in turn; the others with one: most
+# kernels serve all types, and random scenes have any.
 STATES = [
     *(("custom", stored) for stored in TYPES),
     ("one", "int16"), ("labels", "uint16"), ("channels", "float32"), ("clip_objects", "uint8"),
@@ -35,14 +35,14 @@ def stop():
 
 
 def values_of(entry, value) -> list:
-    """The values that a control is given: all that have names, or the ends and the middle of a slider."""
+    """The values that a control is given: all that have names, or the ends of a slider, then its middle."""
     if entry.type == "ENUM" and not entry.is_enum_flag:
         return [item.identifier for item in entry.enum_items]
     if entry.type == "BOOLEAN" and not entry.is_array:
         return [not value]
     if entry.type in ("INT", "FLOAT") and not entry.is_array:
         low, high = entry.soft_min, min(entry.soft_max, 1000)
-        return list(dict.fromkeys(map(type(value), (low, 0.5 * (low + high), high))))
+        return list(dict.fromkeys(map(type(value), (low, high, 0.5 * (low + high)))))
     return []
 
 
@@ -89,17 +89,18 @@ def test_no_control_compiles(state, stored, extension_zip, core, tmp_path, monke
     compiling, count = [state] if picture(jit) == "compiles" else [], 0
     turn = TYPES.index(stored) if state == "custom" else None
     for number, (data, name) in enumerate(controls()):
-        if turn is not None and (number + turn) % 2:
+        if turn is not None and (number + turn) % len(TYPES):
             continue
         before = getattr(data, name)
-        for value in values_of(data.bl_rna.properties[name], before):
+        values = values_of(data.bl_rna.properties[name], before)
+        for value in values[:2] if isinstance(before, float) else values:
             count += 1
             setattr(data, name, value)
             if picture(jit) == "compiles":
                 compiling.append(f"{name} = {value}")
         with contextlib.suppress(TypeError):
             setattr(data, name, before)
-    assert count > (100 if turn is None else 50)
+    assert count > (80 if turn is None else 20)
     assert compiling == []
 
 

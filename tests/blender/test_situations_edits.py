@@ -284,14 +284,13 @@ def our_handlers():
 def test_B78_disabled_and_enabled(in_use, addon, tmp_path):
     handlers = our_handlers()
     goes_on(tmp_path)
-    for _ in range(2):
-        bpy.ops.preferences.addon_disable(module=addon.__name__)
-        assert not our_handlers()
-        scenes.to_frame(bpy.context.scene.frame_current + 1)
-        scenes.update()
-        bpy.ops.preferences.addon_enable(module=addon.__name__)
-        assert our_handlers() == handlers
-        goes_on(tmp_path)
+    bpy.ops.preferences.addon_disable(module=addon.__name__)
+    assert not our_handlers()
+    scenes.to_frame(bpy.context.scene.frame_current + 1)
+    scenes.update()
+    bpy.ops.preferences.addon_enable(module=addon.__name__)
+    assert our_handlers() == handlers
+    goes_on(tmp_path)
 
 
 def test_B79_scripts_reloaded(in_use, tmp_path):

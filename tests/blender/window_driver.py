@@ -21,6 +21,7 @@ tests/blender is there.  RLE_SPLAT_EXTENSION_ZIP names the zip to install, RLE_S
 
 import ctypes
 import faulthandler
+import json
 import math
 import os
 import re
@@ -43,9 +44,10 @@ PATIENCE = 600  # seconds of pauses; each waits for the window, so a busy machin
 STILL = 0.6  # seconds that a photograph waits for work that goes on
 SLEEP = 0.005  # seconds between looks for events, as Blender sleeps where none is simulated
 SHOTS = "RLE_SPLAT_SHOTS"
-# The only photograph with the floor's grid, a quarter of what software takes for a redraw; without the variable all
-# have it.
-GOLDEN = os.environ.get("RLE_SPLAT_GOLDEN")
+# The only photograph of each script that is kept, but for those that a script looks at, and the only one with outlines
+# of selected objects and the floor's grid, a quarter of what software takes for a redraw.  Without the variable all are
+# kept, and have them.
+GOLDEN = json.loads(os.environ.get("RLE_SPLAT_GOLDEN", "null"))
 TAB = "RLE Splat"
 WIDE = 380  # pixels of the Properties editor, as on a screen of usual size
 
@@ -98,21 +100,30 @@ class Console:
 
 
 class Run:
-    """What is going on: the console, the checks that passed, and the file that new ones begin with."""
+    """What is going on: the console, the scenarios, each with whether regions overlap, the checks that passed, the
+    script that runs, and the file that new ones begin with."""
 
     console: Console
-    passed: list
+    scenarios: list = []
+    passed: list = []
+    script = ""
     start = ""
 
 
-def drive(scenario) -> None:
-    """Enable the extension and run the scenario's steps, then end Blender: with code 1 after an exception.
+def drive(scenario, overlap: bool = True) -> None:
+    """Enable the extension and run the scenario's steps, then those of the next script that Blender was given, then end
+    Blender: with code 1 after an exception.
 
     The last line says how many checks passed: those named by ``passed``.  A scenario that has a kernel compiled fails
     at its end: every user who comes to that state would wait for it.
+
+    ``overlap``: the sidebar lies over the view, as Blender has it; beside it, a redraw takes a third less.
     """
-    Run.console, Run.passed = Console(), []
-    running = _steps(scenario)
+    Run.scenarios.append((scenario, overlap))
+    if len(Run.scenarios) > 1:
+        return
+    Run.console = Console()
+    running = _steps()
 
     def tick():
         try:
@@ -147,13 +158,21 @@ def _sleep() -> float:
     return 0.0
 
 
-def _steps(scenario):
+def _steps():
     check_backend()
     if not enable():
         install()
     # Beside other work software reads depth slowly; a viewport that has waited too often shows no lines in the volume.
     import_module(f"{MODULE}.bridge.live.surface").WAITS = math.inf
-    yield from scenario()
+    shots = Path(os.environ.get(SHOTS) or tempfile.mkdtemp(prefix="rle_splat_shots_"))
+    for scenario, overlap in Run.scenarios:
+        Run.script, Run.start = Path(scenario.__code__.co_filename).stem, ""
+        os.environ[SHOTS] = str(shots / Run.script)
+        (shots / Run.script).mkdir()
+        bpy.context.preferences.system.use_region_overlap = overlap
+        yield from scenario()
+        window().event_simulate(type="MOUSEMOVE", value="NOTHING", x=-9, y=-9)  # out of all regions, as at the start
+        yield
 
 
 def check_backend() -> None:
@@ -233,7 +252,8 @@ def new_file():
         path = Path(tempfile.mkdtemp(prefix="rle_splat_window_")) / "start.blend"
         bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True)
         Run.start = str(path)
-    bpy.ops.wm.read_homefile(filepath=Run.start)
+    else:
+        bpy.ops.wm.read_homefile(filepath=Run.start)
     assert MODULE in bpy.context.preferences.addons
     yield
 
@@ -246,7 +266,7 @@ def show_panels():
     for area in [area for area in window().screen.areas if area.type not in ("VIEW_3D", "PROPERTIES")]:
         with bpy.context.temp_override(window=window(), area=area):
             bpy.ops.screen.area_close()
-        yield
+    yield
     for cls in bpy.types.Panel.__subclasses__():
         if getattr(cls, "bl_context", "") == "render" and not cls.__module__.startswith(MODULE):
             cls.COMPAT_ENGINES = set()  # Blender's own, which would push ours out of sight
@@ -254,18 +274,20 @@ def show_panels():
     properties.spaces.active.context = "RENDER"
     view.spaces.active.show_region_ui = True
     if GOLDEN is not None:
-        show_floor(False)
+        show_lines(False)
     yield  # a region has no tabs before it was drawn
     region_of(view, "UI").active_panel_category = TAB
     yield
 
 
-def show_floor(shown: bool) -> None:
-    """Show or hide the grid and the axes in all 3D views."""
+def show_lines(shown: bool) -> None:
+    """Show or hide the grid, the axes and outlines of selected objects in all 3D views, and smooth their lines."""
+    bpy.context.preferences.system.use_overlay_smooth_wire = shown
     for area in window().screen.areas:
         if area.type == "VIEW_3D":
             overlay = area.spaces.active.overlay
             overlay.show_floor = overlay.show_axis_x = overlay.show_axis_y = shown
+            overlay.show_outline_selected = shown
 
 
 def redraw() -> None:
@@ -295,25 +317,50 @@ def wait_for_rest():
     yield from until(has_rested)
 
 
-def photograph(name: str):
-    """Draw everything, check that Blender has no complaint, and keep a picture of the screen as NAME.png.
+def drawn():
+    """Have all areas drawn in the window's own next turn, in which ``drive`` hears what Blender complains of."""
+    for area in window().screen.areas:
+        area.tag_redraw()
+    yield
+
+
+def is_kept(name: str) -> bool:
+    """Whether a photograph of this name is wanted: in the whole run that of GOLDEN alone."""
+    return GOLDEN is None or is_golden(name)
+
+
+def is_golden(name: str) -> bool:
+    """Whether a photograph of this name is compared with an approved one."""
+    return GOLDEN is not None and GOLDEN.get(Run.script) == name
+
+
+def photograph(name: str, looked_at: bool = False):
+    """Draw everything and keep a picture of the screen as NAME.png.
 
     Work of the add-on may end before; what goes on for longer than STILL is photographed as it is then.
+
+    Parameters
+    ----------
+    name : str
+        Of the picture.
+    looked_at : bool
+        The script reads the picture, so it is kept in any case.
     """
-    if name == GOLDEN:
-        show_floor(True)
-    yield
-    redraw()
+    if is_golden(name):
+        show_lines(True)
+    yield from drawn()
+    yield  # for the work that was found while drawing
     if not is_at_rest():
         end = time.monotonic() + STILL
         yield from until(lambda: time.monotonic() > end or is_at_rest())
-        redraw()
-    yield
+    if not (looked_at or is_kept(name)):
+        return
+    yield from drawn()
     program = shutil.which("import")
     if program is None:
         print("no pictures are kept: ImageMagick's import is not on PATH", flush=True)
         return
     path = Path(os.environ[SHOTS]) / f"{name}.png"
     subprocess.run([program, "-window", "root", "-quality", "10", str(path)], check=True)
-    if name == GOLDEN:
-        show_floor(False)
+    if is_golden(name):
+        show_lines(False)

@@ -127,4 +127,4 @@ def scenario():
         passed(step.__name__)
 
 
-drive(scenario)
+drive(scenario, overlap=False)

@@ -87,4 +87,4 @@ def scenario():
     passed("the sidecar of another figure is not replaced")
 
 
-drive(scenario)
+drive(scenario, overlap=False)

@@ -212,4 +212,4 @@ def scenario():
         passed(name)
 
 
-drive(scenario)
+drive(scenario, overlap=False)

@@ -22,6 +22,7 @@ from tests.blender.window_driver import (
     open_panels,
     passed,
     photograph,
+    region_of,
     until,
 )
 
@@ -95,7 +96,7 @@ def check_value_goes_with_the_mouse():
         bpy.ops.wm.tool_set_by_id(name="rle_splat.window_tool")
     yield from settled()
     probe, area = import_module(f"{MODULE}.bridge.look.probe"), area_of("VIEW_3D")
-    right = 0.15 * area.width  # to the middle of the ball
+    right = 0.15 * region_of(area, "WINDOW").width  # to the middle of the ball
     for by in range(4):
         simulate("MOUSEMOVE", "NOTHING", middle(right + by))
         yield
@@ -417,4 +418,4 @@ def scenario():
     yield from check_another_label_file()
 
 
-drive(scenario)
+drive(scenario, overlap=False)

@@ -396,4 +396,4 @@ def scenario():
         passed(check.__name__)
 
 
-drive(scenario)
+drive(scenario, overlap=False)

@@ -260,7 +260,7 @@ def click_point(volume_name):
     points = bpy.data.objects[volume_name].rle_splat.transfer.nodes["Opacity"].mapping.curves[0].points
     for point in points:
         point.select = False
-    yield from photograph("histogram")
+    yield from photograph("histogram", looked_at=True)
     place = find_curve()
     at = place[0] + points[2].location.x * (place[2] - place[0]), place[1] + points[2].location.y * (
         place[3] - place[1])  # fmt: skip

@@ -193,7 +193,7 @@ def check_structures(ct):
         assert bpy.ops.rle_splat.color_anatomy("INVOKE_DEFAULT") == {"FINISHED"}
     yield from until(lambda: not rows[0].show)
     yield from settled()
-    yield from photograph("anatomy")
+    yield from photograph("anatomy", looked_at=True)
     liver, spleen = (np.array(rows[number].color) for number in (1, 2))
     assert all(row.show and row.look == "SOLID" and row.use_color for row in rows[1:])
     assert np.abs(liver - spleen).max() > 0.05
@@ -226,13 +226,13 @@ def check_pet(ct):
     yield from photograph("pet_over_ct")
     ct.rle_splat.labels[1].opacity = 0.05  # the liver, which would hide what is in it
     yield from settled()
-    yield from photograph("pet_in_ct")
+    yield from photograph("pet_in_ct", looked_at=True)
     (channel,) = ct.rle_splat.channels
     assert channel.source == pet
     channel.show = False
     pet.hide_set(True)  # which would be seen beside the CT
     yield from settled()
-    yield from photograph("without_pet")
+    yield from photograph("without_pet", looked_at=True)
     both = "pet_in_ct", "without_pet"
     liver, spleen = ([around(name, ct, middle) for name in both] for middle in ORGANS.values())
     hot, cold = (np.abs(one - other).max(axis=-1) for one, other in (liver, spleen))
@@ -248,7 +248,7 @@ def show_on_white(pet):
     with in_the_view():
         bpy.ops.rle_splat.plain_background("INVOKE_DEFAULT")
     yield from settled()
-    yield from photograph("pet_mip")
+    yield from photograph("pet_mip", looked_at=True)
     liver, beside = color_at("pet_mip", pet, ORGANS["liver"]), color_at("pet_mip", pet, (1, 24, 1))
     print("pet_mip", liver, beside, flush=True)
     assert beside.min() > 0.97 and liver.max() < 0.6, (liver, beside)
@@ -295,7 +295,7 @@ def check_fluorescence():
     yield from until(lambda: len(owner.rle_splat.channels) == len(CELLS) - 1 and is_idle())
     from_the_front()
     yield from settled()
-    yield from photograph("channels")
+    yield from photograph("channels", looked_at=True)
     sources = [owner, *(row.source for row in owner.rle_splat.channels)]
     highest = [one.rle_splat.window_center + one.rle_splat.window_width / 2.0 for one in sources]
     seen = [color_at("channels", owner, middles[0]) for _, _, middles in CELLS]
@@ -307,7 +307,7 @@ def check_fluorescence():
     assert np.all(both[[0, 2]] > 0.9 * np.array((seen[1][0], seen[0][2]))), "light of channels adds up"
     sources[1].rle_splat.window_center *= 3.0  # beyond its values
     yield from settled()
-    yield from photograph("channel_window")
+    yield from photograph("channel_window", looked_at=True)
     change = [
         np.abs(color_at("channel_window", owner, middles[0]) - one).max() for (*_, middles), one in zip(CELLS, seen)
     ]
@@ -331,7 +331,7 @@ def check_nuclei():
     owner = yield from imported(folder / "nuclei.tif")
     from_the_front()
     yield from settled()
-    yield from photograph("nuclei")
+    yield from photograph("nuclei", looked_at=True)
     rows = owner.rle_splat.labels
     assert len(rows) == 1 + len(NUCLEI) and not rows[0].show
     seen = np.array([color_at("nuclei", owner, (x, y, z - 4.0)) for x, y, z in NUCLEI])  # beside highlights

@@ -17,6 +17,7 @@ from tests.blender.window_driver import (
     area_of,
     drive,
     in_the_view,
+    is_kept,
     new_file,
     open_panels,
     passed,
@@ -53,19 +54,26 @@ def watched(cls, draw):
     return draw_and_note
 
 
+def shown(name: str):
+    """Draw everything without a word from Blender; keep a photograph where one is wanted."""
+    yield
+    drawn.clear()
+    redraw()
+    if is_kept(name):
+        yield from photograph(name)
+
+
 def check_state(name: str):
     """Every panel that shows itself is drawn, in both places, without a word from Blender."""
     yield from new_file()
     with in_the_view():
         STATES[name](folder())
-    yield
     if name == "labels":  # its photograph is compared with the approved one, pictures of presets included
         yield from wait_for_rest()
-    drawn.clear()
-    yield from photograph(name)
+    yield from shown(name)
     with in_the_view():
-        shown = {cls for cls in of_addon(bpy.types.Panel) if shows(cls, bpy.context)}
-        assert drawn == {cls for cls in shown if getattr(cls, "bl_context", "") != "data"}
+        visible = {cls for cls in of_addon(bpy.types.Panel) if shows(cls, bpy.context)}
+        assert drawn == {cls for cls in visible if getattr(cls, "bl_context", "") != "data"}
 
 
 def check_object_data():
@@ -76,8 +84,7 @@ def check_object_data():
     yield
     area_of("PROPERTIES").spaces.active.context = "DATA"
     yield
-    drawn.clear()
-    yield from photograph("object_data")
+    yield from shown("object_data")
     assert {cls for cls in of_addon(bpy.types.Panel) if getattr(cls, "bl_context", "") == "data"} <= drawn
 
 
@@ -94,12 +101,12 @@ def check_saved_picture():
         add_volume(folder())
         bpy.ops.rle_splat.render_image("INVOKE_DEFAULT")
 
-    def shown():
+    def images():
         areas = [area for window in bpy.context.window_manager.windows for area in window.screen.areas]
         return [area.spaces.active.image for area in areas if area.type == "IMAGE_EDITOR"]
 
-    yield from until(lambda: shown() and shown() == [bpy.context.scene.rle_splat.image])
-    yield from photograph("saved_picture")
+    yield from until(lambda: images() and images() == [bpy.context.scene.rle_splat.image])
+    yield from shown("saved_picture")
 
 
 def check_popups():
@@ -111,7 +118,7 @@ def check_popups():
     for name in (*(cls.__name__ for cls in of_addon(bpy.types.Menu)), "TOPBAR_MT_file_import"):
         with in_the_view():
             bpy.ops.wm.call_menu(name=name)
-        yield from photograph(name)
+        yield from shown(name)
         yield from close_popup()
 
 
@@ -123,7 +130,7 @@ def check_preferences():
     bpy.context.window_manager.addon_search = "RLE Splat"
     yield
     bpy.ops.preferences.addon_expand(module=MODULE)
-    yield from photograph("preferences")
+    yield from shown("preferences")
 
 
 def check_flaws():
@@ -142,7 +149,6 @@ def check_flaws():
 
 
 def scenario():
-    bpy.context.preferences.system.use_region_overlap = False  # no view of 3600 pixels behind the panels
     watch_draws()
     open_panels()
     for name in STATES:
@@ -153,4 +159,4 @@ def scenario():
         passed(check.__name__)
 
 
-drive(scenario)
+drive(scenario, overlap=False)

@@ -180,4 +180,4 @@ def scenario():
         passed(check.__name__)
 
 
-drive(scenario)
+drive(scenario, overlap=False)

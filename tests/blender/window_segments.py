@@ -151,4 +151,4 @@ def scenario():
     yield from photograph("kept")
 
 
-drive(scenario)
+drive(scenario, overlap=False)

@@ -117,4 +117,4 @@ def scenario():
     passed("undo")
 
 
-drive(scenario)
+drive(scenario, overlap=False)

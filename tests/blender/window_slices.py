@@ -125,7 +125,7 @@ def check_true_gray(name):
     for light in ("STUDIO", "FLAT"):
         space.shading.light = light
         yield from settled()
-        yield from photograph(f"gray_{light.lower()}")
+        yield from photograph(f"gray_{light.lower()}", looked_at=True)
         picture = scenes.load_pixels(Path(os.environ[SHOTS]) / f"gray_{light.lower()}.png")
         seen[light] = np.rint(255.0 * picture[picture.shape[0] - 1 - at[1], at[0], :3])
     print(f"gray at {at}: {seen}", flush=True)
@@ -195,7 +195,7 @@ def check_eye_closed(name):
     assert not area_of("VIEW_3D").spaces.active.show_object_viewport_volume
     gray = {"before": [], "after": []}
     for state, means in gray.items():
-        yield from photograph(f"eye_closed_{state}")
+        yield from photograph(f"eye_closed_{state}", looked_at=True)
         picture = scenes.load_pixels(Path(os.environ[SHOTS]) / f"eye_closed_{state}.png")
         means += [scenes.image_pixels(one.rle_splat.slice_image)[..., 0].mean() for one in slices().values()]
         means.append(picture[..., 0].mean())
@@ -220,7 +220,7 @@ def check_display(name):
     with in_the_view():
         assert bpy.ops.rle_splat.plain_background() == {"FINISHED"}
     yield from settled()
-    yield from photograph("mip_on_black")
+    yield from photograph("mip_on_black", looked_at=True)
     region = region_of(area_of("VIEW_3D"), "WINDOW")
     picture = scenes.load_pixels(Path(os.environ[SHOTS]) / "mip_on_black.png")[::-1]
     scale = bpy.context.preferences.system.ui_scale

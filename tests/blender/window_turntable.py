@@ -105,4 +105,4 @@ def scenario():
     passed("pictures that are there are not replaced")
 
 
-drive(scenario)
+drive(scenario, overlap=False)

@@ -82,7 +82,6 @@ def scenario():
         # Imported when the extension, which brings pydicom, is installed.
         import_module("devtools.practice_ct").write_series(folder)
     bpy.context.preferences.view.render_display_type = "AREA"
-    bpy.context.preferences.system.use_region_overlap = False  # the sidebar stands beside the view
     open_panels(*(f"RLE_SPLAT_PT_{name}" for name in PANELS))
     yield from new_file()
     with bpy.context.temp_override(window=window(), area=area_of("PROPERTIES")):
@@ -169,4 +168,4 @@ def scenario():
     yield from keep("tutorial-7-rendered", began)
 
 
-drive(scenario)
+drive(scenario, overlap=False)

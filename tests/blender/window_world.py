@@ -154,4 +154,4 @@ def scenario():
     yield from check_slots(folder / "out.exr")
 
 
-drive(scenario)
+drive(scenario, overlap=False)

@@ -39,12 +39,13 @@ def test_photographs_are_compared_last_where_those_approved_are_of_this_blender(
     """A window whose photograph has changed, or is missing, fails the run.  Each knows the one that is compared."""
     compared = {}
 
-    def run(blender, zips, script, *_):
-        return Stage(script.stem, passed=1)
+    def run(blender, zips, scripts, *_):
+        return Stage(scripts[0].stem, passed=1)
 
-    def show(zips, script, *_, RLE_SPLAT_GOLDEN=None):
-        compared[script.stem] = RLE_SPLAT_GOLDEN
-        return Stage(script.stem, passed=1)
+    def show(zips, scripts, label, size, *_, RLE_SPLAT_GOLDEN="{}"):
+        assert size == real_blender_tests.WINDOW_SCRIPTS[scripts[-1].name], "a window has one size"
+        compared.update({script.stem: json.loads(RLE_SPLAT_GOLDEN).get(script.stem) for script in scripts})
+        return Stage(label, passed=1)
 
     def compare(name, command, environ, log):
         assert command[1:] == ["-m", "devtools.golden", "--windows"]
@@ -56,7 +57,8 @@ def test_photographs_are_compared_last_where_those_approved_are_of_this_blender(
     monkeypatch.setattr(real_blender_tests, "window_stage", show)
     monkeypatch.setattr(real_blender_tests, "counted", compare)
     found = real_blender_tests.real_blender_stages({}, backend=backend)
-    assert len(found) == len(real_blender_tests.WINDOW_SCRIPTS) + 2 and found[-1].name == "photographs"
+    assert set(compared) == {Path(script).stem for script in real_blender_tests.WINDOW_SCRIPTS}
+    assert len(found) == len(real_blender_tests.windows()) + 2 and found[-1].name == "photographs"
     assert (found[-1].failed, found[-1].verdict == "SKIPPED") == (code, not code)
     with_floor = {Path(script).stem for script in real_blender_tests.WITH_FLOOR}
     expected = {script: name for script, name in real_blender_tests.PHOTOGRAPHS.items() if script not in with_floor}
