@@ -165,14 +165,15 @@ def _steps():
     # Beside other work software reads depth slowly; a viewport that has waited too often shows no lines in the volume.
     import_module(f"{MODULE}.bridge.live.surface").WAITS = math.inf
     shots = Path(os.environ.get(SHOTS) or tempfile.mkdtemp(prefix="rle_splat_shots_"))
-    for scenario, overlap in Run.scenarios:
+    for number, (scenario, overlap) in enumerate(Run.scenarios):
+        if number:
+            window().event_simulate(type="MOUSEMOVE", value="NOTHING", x=-9, y=-9)  # out of all regions, as at first
+            yield
         Run.script, Run.start = Path(scenario.__code__.co_filename).stem, ""
         os.environ[SHOTS] = str(shots / Run.script)
         (shots / Run.script).mkdir()
         bpy.context.preferences.system.use_region_overlap = overlap
         yield from scenario()
-        window().event_simulate(type="MOUSEMOVE", value="NOTHING", x=-9, y=-9)  # out of all regions, as at the start
-        yield
 
 
 def check_backend() -> None:
