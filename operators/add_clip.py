@@ -7,7 +7,7 @@ from bpy.props import EnumProperty
 from ..bridge.data.settings import scene_scale_of
 from ..bridge.look import transfer
 from ..bridge.scene import clip_objects
-from ..bridge.volumes import encoded, volumes
+from ..bridge.volumes import encoded, labels, volumes
 from ..bridge.volumes.attached import volume_frame
 from ..rle_splat.classify.visible_box import visible_box
 from ..rle_splat.scene import RleSplatError
@@ -42,7 +42,9 @@ def fitted(owner, volume, fit: str) -> np.ndarray:
     if fit == "VISIBLE":
         if not volume.holds_values:
             raise RleSplatError(f"{encoded.why_no_values(owner)}, or choose Whole Volume.")
-        found = visible_box(volume, transfer.read_transfer(owner))
+        function = transfer.read_transfer(owner)
+        shown_labels = labels.read_labels(owner, bpy.context.evaluated_depsgraph_get(), volume, function)
+        found = visible_box(volume, function, shown_labels)
         if found is None:
             raise RleSplatError(f"The opacity curve of {owner.name!r} shows no voxel; choose Whole Volume.")
         # The picture of a voxel reaches to the centers of its neighbors.

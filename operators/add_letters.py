@@ -1,12 +1,16 @@
 """Add Letters and Scale Bar: what viewports draw over a volume, as objects, which renders show too."""
 
 import bpy
+import numpy as np
 from mathutils import Matrix, Vector
 
 from ..bridge import linked, versions
 from ..bridge.data.settings import scene_scale_of
 from ..bridge.live import bars, letters, slices
 from ..bridge.volumes import attached, box, volumes
+from ..rle_splat.scene import RleSplatError
+from .add_clip import fitted
+from .reading import LoadsFirst
 from .refusal import refuse
 from .through_camera import has_volume_and_camera
 
@@ -14,9 +18,9 @@ SIZE, LONGEST, MARGIN = 0.045, 0.25, 0.04  # of a letter, of the bar and of the 
 ALONG = 0.9  # cosine with the view above which letters lie in front of the volume and behind it
 
 
-class RLE_SPLAT_OT_add_letters(bpy.types.Operator):
-    """Add the letters of the patient's sides and a scale bar as objects, which renders show. The letters turn to the
-    camera; in perspective the bar is true in the middle of the volume. Press again after moving the camera"""
+class RLE_SPLAT_OT_add_letters(LoadsFirst, bpy.types.Operator):
+    """Add the letters of the patient's sides, around what is visible, and a scale bar as objects, which renders show.
+    They turn to the camera; in perspective the bar is true in the middle of the volume. Press again after a change"""
 
     bl_idname = "rle_splat.add_letters"
     bl_label = "Add Letters and Scale Bar"
@@ -49,7 +53,8 @@ class RLE_SPLAT_OT_add_letters(bpy.types.Operator):
 def _letters(owner, scene, frame):
     """Yield name, text, parent and matrix of each letter that does not lie in front of the volume or behind it."""
     high, _, low, _ = scene.camera.data.view_frame(scene=scene)
-    found = [(letter, Vector(place.tolist())) for letter, place in letters.placed_letters(owner)]
+    placed = letters.placed_letters(owner, _visible_corners(owner, scene))
+    found = [(letter, Vector(place.tolist())) for letter, place in placed]
     for first, second in zip(found[::2], found[1::2]):
         if abs((second[1] - first[1]).normalized().dot(frame.col[2].xyz)) > ALONG:
             continue
@@ -59,6 +64,17 @@ def _letters(owner, scene, frame):
                 size *= (frame.inverted() @ place).z / low.z
             matrix = Matrix.Translation(place) @ frame.to_3x3().to_4x4() @ Matrix.Scale(size, 4)
             yield letter, _text(letter), owner, matrix
+
+
+def _visible_corners(owner, scene) -> np.ndarray | None:
+    """The corners of the box around what is visible, in world space; None where that is not known."""
+    try:
+        volume = volumes.load_volume(owner)
+        fit = fitted(owner, volume, "VISIBLE")
+    except RleSplatError:
+        return None
+    matrix = attached.volume_frame(volume, owner, scene_scale_of(scene, volume.unit)) @ fit
+    return (2.0 * box.CORNERS - 1.0) @ matrix[:3, :3].T + matrix[:3, 3]
 
 
 def _bar(owner, scene, frame, depths):

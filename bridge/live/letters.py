@@ -27,8 +27,13 @@ FONT = 0  # Blender's own
 MARK = "rle_splat_letters"  # custom property of letters that are objects: the name of the volume that they are for
 
 
-def placed_letters(volume_object) -> list:
+def placed_letters(volume_object, part=None) -> list:
     """The letters of a volume and their places.
+
+    Parameters
+    ----------
+    part : (8, 3) ndarray of float64, optional
+        The corners of the box in world space, in the order of ``box.CORNERS``; left out, those of the volume.
 
     Returns
     -------
@@ -36,7 +41,7 @@ def placed_letters(volume_object) -> list:
         One letter for each face of the box, and a point in world space just outside the face. Empty for a volume that
         is not in patient space.
     """
-    corners = box.world_corners(volume_object)
+    corners = box.world_corners(volume_object) if part is None else part
     if volume_object.rle_splat.space != PATIENT or len(corners) == 0:
         return []
     axes = np.stack([corners[index] - corners[0] for index in (1, 2, 4)], axis=1)  # in the order of box.CORNERS

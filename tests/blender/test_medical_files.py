@@ -98,6 +98,24 @@ def test_letters_and_a_scale_bar_as_objects_of_a_render(nifti, bridge, kind):
     assert not has_objects(owner)
 
 
+def test_letters_of_a_render_stand_around_what_is_visible(nifti, values, bridge):
+    bpy.ops.rle_splat.import_volume(filepath=str(nifti))
+    owner, scene = active(), bpy.context.scene
+    most = float(values.max())
+    scenes.give_transfer(owner, ((most - 0.5, 0.0), (most, 1.0)), (1.0, 1.0, 1.0))
+    bpy.context.view_layer.update()
+    middle = Vector(bridge("volumes.box").world_corners(owner).mean(axis=0))
+    scenes.add_camera(middle + Vector((0.0, -0.5, 0.0)), rotation=(math.radians(90.0), 0.0, 0.0))
+    assert bpy.ops.rle_splat.add_letters() == {"FINISHED"}
+    bpy.context.view_layer.update()
+    places = {one.name: 1000.0 * np.array(one.matrix_world.translation) for one in scene.objects if one.name in "RLSI"}
+    index = [np.linalg.solve(AFFINE[:3, :3], 0.5 * (places[a] + places[b]) - AFFINE[:3, 3]) for a, b in ("RL", "SI")]
+    seen = np.argwhere(values == most)
+    ends = np.maximum(seen.min(axis=0) - 1, 0), np.minimum(seen.max(axis=0) + 1, np.array(values.shape) - 1)
+    np.testing.assert_allclose(index, [0.5 * (ends[0] + ends[1])] * 2, atol=1e-3)
+    assert (ends[0] > 0).any()
+
+
 def test_a_volume_without_a_place_has_no_letters(volume_object, bridge):
     assert bridge("live.letters").placed_letters(volume_object) == []
 
