@@ -62,6 +62,11 @@ def _defined(path: Path, node) -> tuple | None:
     return None
 
 
+def declaration(path: Path, node) -> ast.AST | None:
+    """What declares a property: the call itself, or that to which its name in a file of ours was set."""
+    return node if isinstance(node, ast.Call) else (_defined(path, node) or (path, None))[1]
+
+
 def _items(path: Path, node, local: dict) -> list:
     """The elements of a tuple, list or dict as nodes, those of both branches of a condition; [] for another value."""
     if isinstance(node, (ast.Tuple, ast.List)):

@@ -282,14 +282,16 @@ def _range(given: dict) -> str:
     return text + (f" (slider to {soft:g})" if soft is not None and soft != high else "")
 
 
-def _declared(node: ast.ClassDef, module: ast.Module, file: str, names: dict) -> Declared:
+def _declared(node: ast.ClassDef, path: Path, names: dict) -> Declared:
+    file = f"{path.relative_to(ROOT).parts[0]}/{path.name}"
     bases = [ast.unparse(base).rpartition(".")[2] for base in node.bases]
-    made = Declared(node.name, module, file, bases, ast.get_docstring(node) or "")
+    made = Declared(node.name, docs_panels.module(path), file, bases, ast.get_docstring(node) or "")
     for item in node.body:
         if isinstance(item, ast.Assign) and isinstance(item.targets[0], ast.Name):
             made.texts[item.targets[0].id] = _value(item.value, names)
-        elif isinstance(item, ast.AnnAssign) and isinstance(item.annotation, ast.Call):
-            found = _property(item.annotation, names)
+        elif isinstance(item, ast.AnnAssign):
+            call = docs_panels.declaration(path, item.annotation)
+            found = _property(call, names) if isinstance(call, ast.Call) else None
             if found is not None:
                 made.properties[item.target.id] = found
     return made
@@ -301,10 +303,9 @@ def blender_classes() -> dict[str, Declared]:
     found = {}
     for folder in ("bridge", "operators", "panels"):
         for path in sorted((ROOT / folder).rglob("*.py")):
-            module = docs_panels.module(path)
-            for node in module.body:
+            for node in docs_panels.module(path).body:
                 if isinstance(node, ast.ClassDef):
-                    found[node.name] = _declared(node, module, f"{folder}/{path.name}", _namespace(path))
+                    found[node.name] = _declared(node, path, _namespace(path))
     return found
 
 

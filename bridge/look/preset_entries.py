@@ -93,7 +93,7 @@ def groups(properties) -> list[PresetGroup]:
 
 def _short(label: str) -> str:
     """A label that fits under a picture of three in a row, at the sidebar's default width."""
-    return label.replace("Skin and Bone", "Skin, Bone").replace("Angiography", "Vessels")
+    return label.replace("Skin and Bone", "Skin, Bone")
 
 
 def transfer_steps(entry: Entry, volume):

@@ -201,7 +201,7 @@ def add_turntable_options(parser) -> None:
         "--azimuth",
         type=float,
         metavar="DEG",
-        help="degrees about the vertical; 0 (default) is from the front, along +Y",
+        help="0 (default) from the front, 90 from the patient's left; degrees about the vertical, 0 along +Y",
     )
     group.add_argument("--elevation", type=float, metavar="DEG", help="degrees above the horizon (default 0)")
     group.add_argument(
@@ -273,7 +273,7 @@ def add_image_options(parser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--background", type=background_color, metavar="|".join(("R G B", *BACKGROUNDS)),
-        help="what is behind the picture in a .png; a scene-linear color; default transparent, with straight alpha",
+        help="behind the picture in a .png (default transparent); scene-linear, or with straight alpha",
     )  # fmt: skip
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..classify.presets import PRESETS, preset
 from ..effects.ray_mode import OF_VALUES
 from ..scene import RleSplatError, Scene
 from . import scale
@@ -18,6 +19,7 @@ LABELS = "abcdefghijklmnopqrstuvwxyz"
 LEADING = 1.35  # from line to line, in font sizes
 BAR = 0.7  # mm: thickness of a scale bar
 WIDEST_BAR = 85.0  # mm: a color bar for the whole figure
+ALIKE = 1e-4  # share of a range up to which Blender's numbers of 32 bits count as those of a preset
 CUBE = 2.8  # font sizes: an edge of the cube
 NO_SIDES = "The volume's file does not say where the patient's sides are"
 
@@ -276,10 +278,15 @@ def automatic_caption(draft: PageDraft) -> str:
         window, level, unit = window_of(first)
         sentences.append(f"Window {window} {unit}".rstrip() + f", level {level} {unit}".rstrip() + ".")
     elif first.transfer_function.name:
-        sentences.append(f"Transfer function {first.transfer_function.name}.")
+        sentences.append(f"Transfer function {_function_words(first)}.")
     counts = " × ".join(map(str, first.volume.shape_xyz))
     sides = " × ".join(f"{side:.3g}" for side in np.round(first.volume.spacing, 6))
     sentences.append(f"{counts} voxels of {sides} {first.volume.unit}.")
+    cuts = [clip.kind for clip in first.clips]
+    if cuts:
+        planes, boxes = cuts.count("plane"), cuts.count("box")
+        counted = (planes, "plane" if planes == 1 else "planes"), (boxes, "box" if boxes == 1 else "boxes")
+        sentences.append(f"Cut by {' and '.join(f'{number} {word}' for number, word in counted if number)}.")
     kinds = {"ORTHO": "Orthographic", "PERSP": "Perspective"}
     found = list(dict.fromkeys(kinds[scene.camera.type] for scene in scenes))
     sentences.append(f"{' and '.join(found)} projection.".capitalize())
@@ -289,6 +296,32 @@ def automatic_caption(draft: PageDraft) -> str:
         sentences.append(", ".join(named) + ".")
     text = " ".join(sentences)
     return check_text(text, "The figure's caption")
+
+
+def _function_words(scene: Scene) -> str:
+    """The transfer function's name and, if it is that of a preset, in what it differs from it."""
+    function, volume = scene.transfer_function, scene.volume
+    named = next((name for name, row in PRESETS.items() if row.label == function.name), None)
+    if named is None:
+        return function.name
+    own, unit = preset(named), f" {function.unit}" if function.unit else ""
+    (low, high), (first, last) = function.span, own.span
+    moved = own.remapped(low, high, unit=function.unit)
+    ends = np.unique([point[0] for one in (function, moved) for point in (*one.opacity, *one.color)])
+    apart = np.diff(ends) > ALIKE * (high - low)  # a step may lie a rounding beside the other's
+    values = ends[:-1][apart] + np.diff(ends)[apart] * [[0.25], [0.75]]
+    is_alike = np.allclose(function.table(values), moved.table(values), atol=ALIKE)
+    words = []
+    if not is_alike or function.gradient_opacity != moved.gradient_opacity:
+        words.append("modified")
+    elif own.unit != function.unit or not math.isclose(high - low, last - first, rel_tol=ALIKE):
+        words.append(f"mapped to {low:.4g} to {high:.4g}{unit}")
+    elif not math.isclose(low, first, abs_tol=ALIKE * (last - first)):
+        words.append(f"shifted by {low - first:.4g}{unit}")
+    if function.opacity_unit_distance != own.opacity_unit_distance:
+        distance = function.opacity_unit_distance or float(volume.spacing.min())
+        words.append(f"opacity unit distance {distance:.3g} {volume.unit}")
+    return ", ".join((function.name, *(word.replace("-", "−") for word in words)))
 
 
 def _letters_used(draft: PageDraft, scenes: list) -> set:

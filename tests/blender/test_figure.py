@@ -167,3 +167,25 @@ def test_the_scan_itself_is_never_overwritten(ball, refused, tmp_path):
         ball.rle_splat.filepath = str(path)
         refused(operator, "'cube' is read from, and is never overwritten", filepath=str(tmp_path / "." / name))
         assert path.read_bytes() == BALL.tobytes()
+
+
+def test_the_caption_names_a_preset_and_what_was_changed(volume_object, bridge, core):
+    """Blender's numbers of 32 bits are none."""
+    properties, function_words = volume_object.rle_splat, core("figure.layout")._function_words
+    properties.value_unit = "HU"
+    presets = core("classify.presets").PRESETS
+    for name in (one for one in presets if core("classify.presets").preset(one).unit == "HU"):
+        label = presets[name].label
+        assert bpy.ops.rle_splat.apply_preset(preset=name) == {"FINISHED"}
+        scene = SimpleNamespace(
+            transfer_function=bridge("look.transfer").read_transfer(volume_object),
+            volume=SimpleNamespace(unit="mm", spacing=np.ones(3)),
+        )
+        assert function_words(scene) == label
+        properties.window_center -= 100.0
+        properties.opacity_unit_distance = 0.05
+        scene.transfer_function = bridge("look.transfer").read_transfer(volume_object)
+        assert function_words(scene) == f"{label}, shifted by −100 HU, opacity unit distance 0.05 mm"
+        properties.opacity_scale = 0.5
+        scene.transfer_function = bridge("look.transfer").read_transfer(volume_object)
+        assert function_words(scene) == f"{label}, modified, opacity unit distance 0.05 mm"

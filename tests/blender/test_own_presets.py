@@ -200,4 +200,6 @@ def test_names_of_presets_for_a_modality_fit_under_three_pictures_in_a_row(volum
     volume_object.rle_splat.value_unit = "HU"
     first = bridge("look.preset_entries").groups(volume_object.rle_splat)[0]
     assert first.label == "For CT" and len(first.entries) > 10
-    assert all(len(entry.label) <= 11 for entry in first.entries), [entry.label for entry in first.entries]
+    labels = {entry.name: entry.label for entry in first.entries}
+    assert all(len(label) <= 11 for label in labels.values()), labels
+    assert labels["ct-angiography"] == "Angiography" and labels["ct-soft-tissue"] == "Soft Tissue"

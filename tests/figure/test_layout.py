@@ -8,10 +8,12 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from rle_splat.classify.presets import PRESETS, fit_preset, preset
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.figure.color_bar import bar_range, color_bar
 from rle_splat.figure.directions import cube, edge_letters, view_name
 from rle_splat.figure.glyphs import GLYPHS
+from rle_splat.figure.layout import PageDraft, automatic_caption
 from rle_splat.figure.lettering import check_text, strokes_of, text_width, wrap
 from rle_splat.figure.make import figure_steps
 from rle_splat.figure.page import Fill, Page, Stroke, Text, Tile
@@ -19,7 +21,7 @@ from rle_splat.figure.plan import Figure, FigureStyle, Panel, tile_size
 from rle_splat.figure.png import png_bytes
 from rle_splat.figure.raster import draw
 from rle_splat.figure.svg import svg_text
-from rle_splat.scene import RleSplatError
+from rle_splat.scene import Clip, RleSplatError
 from rle_splat.scene.display import to_bytes
 from rle_splat.view.projection import world_to_pixel
 
@@ -211,6 +213,39 @@ def test_a_figure_of_text_and_pictures_stays_within_its_page(drawing, balls):
             assert left >= 0.0 and left + width <= wide and item.size <= item.y <= tall, item
     caption = " ".join(item.text for item in page.items if isinstance(item, Text) and item.x == 1.0)
     assert "indow" not in caption and "20 × 12 × 14 voxels of 1 × 1 × 1 mm" in caption
+
+
+@pytest.mark.parametrize(
+    "change, words",
+    [
+        (lambda bone: bone, "CT Bone."),
+        (lambda bone: bone.remapped(bone.span[0] - 100.0, bone.span[1] - 100.0, "HU"), "CT Bone, shifted by −100 HU."),
+        (lambda bone: bone.remapped(0.0, 900.0, "HU"), "CT Bone, mapped to 0 to 900 HU."),
+        (lambda bone: replace(bone, opacity=(*bone.opacity[:-1], (2000.0, 0.9))), "CT Bone, modified."),
+        (lambda bone: replace(bone, opacity_unit_distance=0.05), "CT Bone, opacity unit distance 0.05 mm."),
+        (lambda bone: replace(bone, name="Mine", opacity_unit_distance=0.05), "Mine."),
+    ],
+)  # fmt: skip
+def test_the_caption_says_how_the_transfer_function_differs_from_its_preset(drawing, balls, change, words):
+    scene = drawing.scene(balls(value_unit="HU"), function=change(preset("ct-bone")))
+    caption = automatic_caption(PageDraft(Figure((Panel(scene),), drawing.style)))
+    assert caption.startswith(f"Transfer function {words} ")
+
+
+@pytest.mark.parametrize("name", [name for name in PRESETS if not name.startswith("ct-")])
+def test_the_caption_calls_no_fitted_preset_modified(drawing, balls, name):
+    volume = balls(value_unit="HU")
+    function, _ = fit_preset(name, volume)
+    caption = automatic_caption(PageDraft(Figure((Panel(drawing.scene(volume, function=function)),), drawing.style)))
+    assert f"Transfer function {function.name}, mapped to " in caption and "modified" not in caption
+
+
+def test_the_caption_counts_what_cuts(drawing):
+    plane, box = Clip("plane"), Clip("box")
+    for clips, words in (((plane, box, box), " Cut by 1 plane and 2 boxes. "), ((box,), " Cut by 1 box. "), ((), "")):
+        figure = Figure((Panel(drawing.scene(clips=clips)),), drawing.style)
+        caption = automatic_caption(PageDraft(figure))
+        assert words in caption and ("Cut" in caption) == bool(clips)
 
 
 # --- lettering --------------------------------------------------------------------------------------------------------
