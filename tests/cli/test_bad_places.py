@@ -59,7 +59,7 @@ def disk(tmp_path):
         ("encode", "a.rle", ("--folder",)),
         ("encode", "a.rle", ()),
         ("render", "a.npy", ("--size", 96)),
-        ("render", "a.png", ("--size", 96)),
+        ("render", "a.png", ("--size", 160)),
         ("render", "a.tif", ("--size", 96)),
         ("render", "a.exr", ("--size", 96)),
         ("render", "a.npy", ("--size", 96, "--tile", 32)),
