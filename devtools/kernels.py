@@ -7,11 +7,8 @@ compiled again.
 from __future__ import annotations
 
 import hashlib
-import os
-import subprocess
 import time
 import zipfile
-from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 from .environments import CORE, Environment, ensure
@@ -21,7 +18,6 @@ from .wheels import packages, this_platform
 PACKAGE = ROOT / "rle_splat"
 FOLDER = PACKAGE / "kernels"
 COMPILED = BUILD / "kernels-shipped"
-HELPERS_NICENESS = 10  # below that of tests, so that they do not wait
 # A platform -> its level of processors, as in rle_splat/runtime/shipped_kernels.py.
 LEVELS = {"linux-x64": "x86-64-v3", "windows-x64": "x86-64-v3", "macos-arm64": "apple-m1"}
 
@@ -53,35 +49,7 @@ def is_made(path: Path) -> bool:
 
 def _make(version: str, path: Path, made: str | Path = "") -> None:
     """Make the file for a Python: compile the kernels, or take those of the file ``made`` for another Python."""
-    python = [core_of(version).python]
-    with nullcontext() if made else _helped(python, path):
-        make_file(path, path, python, _compiling(), made)
-
-
-@contextmanager
-def _helped(python: list, path: Path):
-    """While kernels are compiled, let another process compile the last of them in the time that a core is idle."""
-    command = [*map(str, python), "-m", "devtools.pack_kernels"]
-    helper = subprocess.Popen(
-        command,
-        cwd=ROOT,
-        env={**_compiling(), **_for_level(path)},
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
-    if hasattr(os, "setpriority"):
-        os.setpriority(os.PRIO_PROCESS, helper.pid, HELPERS_NICENESS)
-    try:
-        yield
-    finally:
-        helper.kill()
-        helper.wait()
-
-
-def _for_level(path: Path) -> dict[str, str]:
-    """The variables by which numba compiles for the level of processors in a file's name."""
-    level = next(level for level in LEVELS.values() if path.stem.endswith(level))
-    return {"NUMBA_CPU_NAME": level, "NUMBA_CPU_FEATURES": ""}
+    make_file(path, path, [core_of(version).python], _compiling(), made)
 
 
 def make_file(path: Path, seen_as: str | Path, python: list, environ: dict[str, str], made: str | Path = "") -> None:
@@ -90,11 +58,12 @@ def make_file(path: Path, seen_as: str | Path, python: list, environ: dict[str, 
     ``path``: its name ends with the level of processors.  ``python``: the command that runs it where ``rle_splat`` and
     ``devtools`` can be imported; it knows the file as ``seen_as``.
     """
+    level = next(level for level in LEVELS.values() if path.stem.endswith(level))
     began = time.monotonic()
     path.parent.mkdir(parents=True, exist_ok=True)
 
     words = seen_as, source_digest().decode(), *[made] * bool(made)
-    environ = {**environ, **_for_level(path)}
+    environ = {**environ, "NUMBA_CPU_NAME": level, "NUMBA_CPU_FEATURES": ""}
     sentence = f"The kernels of {path.name} could not be made; the words above say why."
     said = run_quietly([*python, "-m", "devtools.pack_kernels", *words], sentence, cwd=ROOT, env=environ)
     size, seconds = path.stat().st_size / 1e6, time.monotonic() - began

@@ -2,7 +2,6 @@
 
     python -m devtools.pack_kernels FILE COMMENT       compile, and pack
     python -m devtools.pack_kernels FILE COMMENT MADE  pack those of MADE, of another Python, for this one
-    python -m devtools.pack_kernels                    compile from the last picture on, to help another process
 
 NUMBA_CPU_NAME names the processor that the kernels are for.  The number of kernels is printed.
 
@@ -15,14 +14,13 @@ from __future__ import annotations
 import os
 import pickle
 import sys
-import time
 import zipfile
 from pathlib import Path
 
 from numba import none
 from numba.core.serialize import dumps
 
-from rle_splat.pipeline import prepare
+from rle_splat.pipeline.prepare import prepare_steps
 from rle_splat.runtime.kernel_cache import KernelCache
 from rle_splat.runtime.kernel_digest import digest_of
 from rle_splat.runtime.numba_internals import Kernel
@@ -30,7 +28,6 @@ from rle_splat.runtime.shipped_kernels import entry_name
 from rle_splat.runtime.steps import drain
 
 EPOCH = (1980, 1, 1, 0, 0, 0)  # one date, so that the same kernels make the same file
-BEHIND = 60.0  # seconds after which a helper begins: what every picture needs is on disk by then
 
 
 def used_kernels():
@@ -49,8 +46,6 @@ def _compiled():
                 continue
             key = cache._index_key(types, codegen)
             name = entry_name(kernel.py_func, types, codegen.magic_tuple()[0])
-            if cache._cache_file.load(key) is None:  # a helper wrote the index in the same moment
-                cache.save_overload(types, compiled)
             yield name, key[-1], dumps(cache._cache_file.load(key))
 
 
@@ -81,18 +76,11 @@ def pack(path: Path, comment: bytes, found=None) -> int:
     return count
 
 
-def help_another() -> None:
-    """Compile what another process comes to last; each finds on disk what the other has compiled."""
-    time.sleep(BEHIND)
-    prepare.PICTURES = prepare.PICTURES[::-1]
-    drain(prepare.prepare_steps())
-
-
 def main(path: str, comment: str, made: str = "") -> None:
     if not made:
-        drain(prepare.prepare_steps())
+        drain(prepare_steps())
     print(pack(Path(path), comment.encode(), _made_for_another(Path(made)) if made else None))
 
 
 if __name__ == "__main__":
-    main(*sys.argv[1:]) if sys.argv[1:] else help_another()
+    main(*sys.argv[1:])

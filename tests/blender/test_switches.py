@@ -84,7 +84,7 @@ def test_what_is_measured_is_alone_and_the_tooltips_say_so(volume, addon, bridge
     assert how[0].triangles is None
     for name in ("error_map", "measure_accuracy"):
         tooltip = getattr(bpy.ops.rle_splat, name).get_rna_type().description
-        assert "alone: without meshes and motion blur, and without shadows where colors are interpolated" in tooltip
+        assert "alone: without meshes and motion blur, and without shadows if Interpolate is Colors" in tooltip
 
 
 def test_B82_a_maximum_error_says_that_it_takes_shadows_away_and_grays_what_it_decides(volume, monkeypatch):
