@@ -39,12 +39,13 @@ from tests.blender.window_driver import (
 )
 
 SCAN = Path(__file__).parent / "data" / "scan"
+SHOWN = Path("/scans/Head CT")  # of the small system: a path that a reader could have
 FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_recording_"))
 CENTISECONDS, HOLD = 7, 20  # of a frame; frames for which a step stands still
 WIDTH, QUALITY = 920, 84
 FONT = "/usr/share/fonts/truetype/dejavu/DejaVuSans.ttf"
 ARROW = ((0, 0), (0, 17), (4, 13), (7, 20), (10, 19), (7, 12), (12, 12))  # pixels from the mouse, down
-STEPS, COLUMN, DOWN = 14, 82, 12  # of a drag; pixels between buttons of presets; turns of the wheel to Cut, then Slices
+STEPS, COLUMN, DOWN = 22, 82, 12  # of a drag; pixels between buttons of presets; turns of the wheel to Cut, then Slices
 TOWARD = (-1.5, -1.55, 0.66)  # where the camera is, from the middle of the scan, in sizes of it
 NEARER = 0.5  # than Frame, which shows the whole box
 OPAQUE, SHIFT, GROW, SMOOTH = 0.05, -100.0, 2.0, 2.0  # mm, HU, mm, mm: thin walls are whole and opaque
@@ -94,7 +95,7 @@ def drag(button: str, begin, end, caption: str = "", draft: bool = False):
         yield from settled()
         if draft and step == STEPS // 2:
             yield from photograph("refined")
-        yield from frame(2)
+        yield from frame()
     point(button, "RELEASE", end)
     yield
     yield from settled()
@@ -181,10 +182,10 @@ def rendered():
 
 def scenario():
     # Imported when the extension, which brings pydicom, is installed.
-    scan = SCAN
-    if not scan.is_dir():
-        scan = FOLDER / "practice-ct"
-        import_module("devtools.practice_ct").write_series(scan)
+    if SCAN.is_dir():
+        shutil.copytree(SCAN, SHOWN)
+    else:
+        import_module("devtools.practice_ct").write_series(SHOWN)
     bpy.context.preferences.view.render_display_type = "AREA"
     bpy.context.preferences.system.use_region_overlap = False  # the sidebar stands beside the view
     open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_display", "RLE_SPLAT_PT_presets", "RLE_SPLAT_PT_clip_objects",
@@ -200,7 +201,7 @@ def scenario():
     point("MOUSEMOVE", "NOTHING", middle(60.0))
     yield from frame(HOLD, "Blender, an empty scene")
     with in_the_view():  # as Blender calls it for a file that is dropped
-        bpy.ops.rle_splat.import_volume("INVOKE_DEFAULT", filepath=str(min(scan.iterdir())))
+        bpy.ops.rle_splat.import_volume("INVOKE_DEFAULT", filepath=str(min(SHOWN.iterdir())))
     yield
     yield from frame(HOLD, "Drop a file of a DICOM series")
     yield from press("RET", middle(60.0))
