@@ -21,7 +21,7 @@ def visible_box(volume, tf, labels=None) -> tuple[np.ndarray, np.ndarray] | None
     first, last : (3,) ndarray of int64
         Voxel indices (x, y, z), both included. None in place of both if no voxel is visible.
     """
-    groups = {} if labels is None else _numbers_by_opacity(labels.functions)
+    groups, numbers_of = ({}, ()) if labels is None else (_numbers_by_opacity(labels.functions), labels.volume.voxels)
     shown = {opacity: Visibility(volume, function) for opacity, (function, _) in groups.items() if function is not None}
     usual = Visibility(volume, tf)
     rows = np.zeros(volume.voxels.shape[1], bool)
@@ -32,7 +32,7 @@ def visible_box(volume, tf, labels=None) -> tuple[np.ndarray, np.ndarray] | None
         seen = find_seen(usual, values)
         for opacity, (_, numbers) in groups.items():
             own = find_seen(shown[opacity], values) if opacity in shown else False
-            seen = np.where(np.isin(labels.volume.voxels[z], numbers), own, seen)
+            seen = np.where(np.isin(numbers_of[z], numbers), own, seen)
         rows |= seen.any(axis=1)
         across = seen.any(axis=0)
         columns |= across
