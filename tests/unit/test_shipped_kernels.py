@@ -43,12 +43,6 @@ from devtools.pack_kernels import pack
 from pathlib import Path
 print(pack(Path(sys.argv[2]), b""))
 """
-LOSE = """
-from rle_splat.runtime.kernel_cache import _Folder
-from pathlib import Path
-for index in Path(_Folder.path).rglob("*.nbi"):
-    index.unlink()
-"""
 TAKE = """
 import sys
 from devtools.pack_kernels import main
@@ -104,15 +98,6 @@ def run(program: str, root: Path, cache: Path, *words, **variables: str) -> str:
 def called(package: Path, cache: Path, program: str = CALL, name: str = "rle_splat", **variables: str) -> str:
     root = package.parents[name.count(".")]
     return run(program, root, cache, name, **variables).removesuffix("\n")
-
-
-def test_a_kernel_that_another_process_has_dropped_from_the_index_is_packed(installation, tmp_path):
-    """Two compile into one folder, and each writes the index of all versions of a kernel."""
-    package = installation()
-    words = ("rle_splat", package / "kernels" / file_name())
-    own = {"NUMBA_CPU_NAME": LEVEL, "NUMBA_CPU_FEATURES": ""}
-    assert run(CALL + LOSE + PACK, ROOT, tmp_path / "first", *words, **own).splitlines()[-1] == "1"
-    assert called(package, tmp_path / "cache") == LOADED
 
 
 def test_a_shipped_kernel_is_loaded_and_never_copied(installation, tmp_path):
