@@ -19,7 +19,8 @@ from .pixel_block import BLOCK
 from .sample_lamps import AMBIENT, EVERYWHERE, GLOSS, HELD, LAMP, MATT, NO_PLANE, SHININESS
 from .scalar_block import block_of, mix_blocks, put_block, rows_of
 
-ALMOST = np.float32(0.9)  # of the least weight: what is not the very first to be seen is lit by its own light
+AT_FIRST = np.float32(0.5)  # of the least weight, which a pixel begins with: its first sample soon has its own light
+NONE_YET = np.float32(-1.0)  # the first number of a block's light, where it has none
 ALMOST_OPPOSITE = 1e-6  # squared length of a half-way vector that counts as none
 USUAL, SPAN_BEGIN, SPAN_END = 1, 3, 4  # blocks of ``scratch.BlockScratch.shares``
 TINY = 1e-30  # cosines of highlights are at least that, and squared distances to be divided by
@@ -330,8 +331,9 @@ def _lighter(between: bool, spans_known: bool = False):
         """Multiply classified colors ``sampled`` (4, BLOCK), flat, from number ``first`` on, by the light on them, and
         add highlights.
 
-        Light is evaluated anew once the samples of a pixel that the last one was used for have an optical depth of
-        ``lamps.least``: in haze it need not be at every sheet, nor in front of a surface.
+        Light is evaluated anew once the samples of a pixel that the last one was used for weigh ``lamps.least``: in
+        haze it need not be at every sheet, nor in front of a surface or behind it.  A sample weighs its optical depth,
+        between two sheets times the transmittance ahead of it.
 
         ``sheet``, ``before``: as ``scalar_block.look_between``, which has found ``shares``; these hold what is shown of
         the slab too, if ``spans_known``.  ``low``, ``high``: ends of
@@ -366,8 +368,10 @@ def _lighter(between: bool, spans_known: bool = False):
             left = Vector.load(builder, place(context, builder, state_type, state, transmittance), BLOCK, kind)
             left = left if kind == FLOAT else left.as_single()
             seen = left.at_least(Vector.spread(builder, lit.value("opaque"), BLOCK))
-            # Without the transmittance, which a group of sheets has but once: one after the other they light the same.
-            owed = Vector.load(builder, own(0), BLOCK) + depth.least(1.0).where(seen, 0.0)
+            weight = depth.least(1.0).where(seen, 0.0)
+            if between:  # else without it: a group of sheets has it but once, and one after the other light the same
+                weight = weight * left
+            owed = Vector.load(builder, own(0), BLOCK) + weight
             due = owed.at_least(Vector.spread(builder, lit.value("least"), BLOCK))
             owed.store(own(0))
             with builder.if_then(builder.icmp_unsigned("!=", count_lanes(builder, due, BLOCK), lit.whole(0))):
@@ -429,21 +433,25 @@ light_own, light_between, light_mixed = _lighter(False), _lighter(True), _lighte
 
 @inner_loop
 def clear_light(lamps, light):
-    """Begin ``scratch.Rows.light``: the light on a cloud without near lamps, for what weighs little; nothing without
-    ``lamps``."""
+    """Note that no block of ``scratch.Rows.light`` has any light yet; nothing without ``lamps``."""
     if lamps is not None:
-        count = lamps.shares.size
-        for block in range(light.size // (HELD * BLOCK)):
-            first = HELD * BLOCK * block
-            light[first : first + BLOCK] = ALMOST * lamps.least
-            for channel in range(3):
-                shine = lamps.surface[EVERYWHERE + channel]
-                for lamp in range(count):
-                    if lamps.lamps[LAMP * lamp + KIND] == SUN:
-                        shine += lamps.lamps[LAMP * lamp + MATT + channel]
-                to = first + BLOCK * (1 + channel)
-                light[to : to + BLOCK] = shine
-            light[first + BLOCK * 4 : first + BLOCK * HELD] = np.float32(0.0)
+        light[:: HELD * BLOCK] = NONE_YET
+
+
+@inner_loop
+def begin_light(lamps, light, at):
+    """Give the block at number ``at`` of ``scratch.Rows.light`` that on a cloud without near lamps, for what weighs
+    little, unless it has light."""
+    if light[at] == NONE_YET:
+        light[at : at + BLOCK] = AT_FIRST * lamps.least
+        for channel in range(3):
+            shine = lamps.surface[EVERYWHERE + channel]
+            for lamp in range(lamps.shares.size):
+                if lamps.lamps[LAMP * lamp + KIND] == SUN:
+                    shine += lamps.lamps[LAMP * lamp + MATT + channel]
+            to = at + BLOCK * (1 + channel)
+            light[to : to + BLOCK] = shine
+        light[at + BLOCK * 4 : at + BLOCK * HELD] = np.float32(0.0)
 
 
 @intrinsic

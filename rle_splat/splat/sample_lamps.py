@@ -15,7 +15,7 @@ from ..view.base_plane import BasePlane
 from ..volume.axes import AXES
 from .pixel_block import BLOCK
 
-LEAST = 4.0  # transmittances at which a pixel is opaque: the optical depth of samples that share their light
+LEAST = 16.0  # transmittances at which a pixel is opaque: the weight of samples that share their light
 NO_PLANE = 0  # of T, U or O: that plane is the scalar's
 MATT, GLOSS, LAMP = COLUMNS, COLUMNS + 3, COLUMNS + 6  # columns of ``SampleLamps.lamps``, behind those of light_rows
 HELD = 7  # planes of ``scratch.Rows.light``

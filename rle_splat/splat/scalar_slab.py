@@ -20,7 +20,7 @@ from .mist_block import copy_colors, fade_added
 from .pixel_block import BLOCK, TRANSMITTANCE
 from .ray_sums import add_depths, gather_values, sheet_depth, thin_slab
 from .rays_in_box import inside_box, interval_in_box
-from .sample_block import find_span, find_span_each, light_between, light_mixed, light_own
+from .sample_block import begin_light, find_span, find_span_each, light_between, light_mixed, light_own
 from .sample_lamps import HELD
 from .scalar_block import (
     classify_spans,
@@ -292,6 +292,7 @@ def _light_samples(lamps, channels, kind, lookup, here, there, length, deep, thi
         sheet, upper, lower, down = here
         at = BLOCK * (pixels.r * rows.bright.shape[1] + pixels.b)
         left = 4 * at + TRANSMITTANCE
+        begin_light(lamps, rows.light, HELD * at)
         if kind == OWN:
             light_own(
                 block.samples, 0, sheet, upper, lower, down, sheet, upper, lower, down, block.shares, lookup.low,

@@ -11,7 +11,7 @@ import numpy as np
 from ..runtime.jit import inner_loop
 from .pixel_block import BLOCK, TRANSMITTANCE
 from .rays_in_box import NO_ROW
-from .sample_block import classify_member, light_own
+from .sample_block import begin_light, classify_member, light_own
 from .sample_lamps import HELD
 from .scalar_group import GROUP, composite_group, look_up_group
 from .scalar_slab import NO_SHARE
@@ -63,6 +63,7 @@ def _composite_group(lamps, number, table, least, samples, waiting, sheets, firs
     state, to = rows.state, 4 * BLOCK * at
     if lamps is None:
         return composite_group(table, starts, number, rows.length, BLOCK * at, depths, least, state, to, block.before)
+    begin_light(lamps, rows.light, HELD * BLOCK * at)
     for member in range(GROUP):
         classify_member(table, starts, (number * GROUP + member) * BLOCK, member, block.classified)
         which = 2 * (GROUP * number + member)
