@@ -89,17 +89,14 @@ SUBJECTS = {
 }
 # Presets on scans of three modalities.
 PRESETS = {
-    "CT head: Bone": Subject(CT_HEAD, "ct-bone", (150, 10), 0.95, *HEAD, True),
-    "CT head: Skin and Bone": Subject(CT_HEAD, "ct-skin-and-bone", (150, 10), 0.95, *HEAD, True),
     "CT skull: Bone": Subject("dicom_ct_skull_phantom_512x512x140", "ct-bone", (35, 15), 0.95, *ALONE),
-    "CT engine: Industrial": Subject("engine_256x256x110_uint8.raw.gz", "ct-industrial", (-30, 20), 1.0),
     "CT chest: Angiography": Subject(CHEST, "ct-angiography", (0, 60), 1.06, *ALONE),
-    "CT chest: Heart": Subject(CHEST, "ct-heart", (0, 70), 1.06, *ALONE),
     "CT chest: Soft Tissue": Subject(CHEST, "ct-soft-tissue", (20, 50), 1.08, *ALONE),
     "CT chest: Lung": Subject(CHEST, "ct-lung", (0, 65), 1.06, *ALONE),
     "MR T1: Head": Subject("t1_head_188x256x190_uint8.nii.gz", "mr-head", (35, 10), 1.1),
     "MR FLAIR: Brain": Subject("flair_brain_124x160x140_uint8.nrrd", "mr-brain", (35, 25), 1.0),
     "PET: Hot": Subject("pet_seg/dicom_pet_128x128x266", "pet-hot", (0, 0), 1.0),
+    "CT engine: Industrial": Subject("engine_256x256x110_uint8.raw.gz", "ct-industrial", (-30, 20), 1.0),
     "CT lobster: Specimen": Subject("lobster_301x324x56_uint8.raw.gz", "ct-specimen", (25, 55), 0.9,
                                     dict(spacing=(1.0, 1.0, 1.4))),
 }  # fmt: skip
@@ -133,6 +130,7 @@ def _alone(volume: Volume, kept: Path) -> Volume:
     if not kept.exists():
         from rle_splat.segment.body import body_steps
 
+        kept.parent.mkdir(parents=True, exist_ok=True)
         np.save(kept, drain(body_steps(volume)))
     return replace(volume, voxels=np.where(np.load(kept), volume.voxels, volume.voxels.min()))
 
@@ -353,11 +351,11 @@ def join_crops(programs, path: Path, quality: int) -> None:
     _save(pictures, len(CROPS), path, quality)
 
 
-def join_presets(names, path: Path, quality: int) -> None:
-    """Draw PRESETS of some names at ``standard``, and join them to a sheet, four in a row."""
-    quality_of_ours = Quality.preset("standard", threads=1)
-    pictures = [(name, _shown(render(scene_of(PRESETS[name], SIZE), quality_of_ours).rgba, None)) for name in names]
-    _save(pictures, 4, path, quality)
+def join_presets(names, size: int, path: Path, quality: int) -> None:
+    """Draw PRESETS of some names at ``fine``, and join them to a sheet, three in a row."""
+    quality_of_ours = Quality.preset("fine", threads=1)
+    pictures = [(name, _shown(render(scene_of(PRESETS[name], size), quality_of_ours).rgba, None)) for name in names]
+    _save(pictures, 3, path, quality)
 
 
 def main() -> None:
@@ -376,7 +374,8 @@ def main() -> None:
     elif given.program == "crops":
         join_crops(given.column, given.path, given.jpeg_quality)
     elif given.program == "presets":
-        join_presets([name for name in PRESETS if not given.scan or name in given.scan], given.path, given.jpeg_quality)
+        names = [name for name in PRESETS if not given.scan or name in given.scan]
+        join_presets(names, given.size, given.path, given.jpeg_quality)
     else:
         draw(given.program, given.subject, given.seconds, given.size)
 

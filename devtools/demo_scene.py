@@ -17,7 +17,7 @@ import bpy
 from mathutils import Matrix, Vector
 
 MODULE = "bl_ext.user_default.rle_splat"
-EYE = (1.05, 2.75, 1.00)  # of the camera, from the middle of the scan, in sizes of the scan
+EYE = (-1.05, -2.75, 1.00)  # of the camera, before a patient: from the middle of the scan, in sizes of the scan
 SMOKE_OPACITY = 2.5  # thin smoke hides too little of what stands in it
 WIDTH, HEIGHT, SAMPLES = 960, 720, 20
 
@@ -137,14 +137,14 @@ def build_set(low: Vector, high: Vector, title: str) -> None:
         location=(middle.x, middle.y, ring_z),
     )  # fmt: skip
     named("Ring", steel)
-    for degrees in (9.0, 129.0, 249.0):
+    for degrees in (69.0, 189.0, 309.0):
         angle = math.radians(degrees)
         foot = Vector((middle.x + radius * math.cos(angle), middle.y + radius * math.sin(angle), floor_z))
         rod("Post", foot, (foot.x, foot.y, ring_z), 0.010 * size, steel)
 
     # the electrode goes in from above; the part inside is seen only through what lies before it
-    entry = middle + size * Vector((0.38, 0.32, 0.52))
-    tip = middle + size * Vector((0.06, 0.06, 0.05))
+    entry = middle + size * Vector((-0.38, -0.32, 0.52))
+    tip = middle + size * Vector((-0.06, -0.06, 0.05))
     rod("Electrode", entry, tip, 0.010 * size, brass)
     bpy.ops.mesh.primitive_uv_sphere_add(radius=0.030 * size, location=entry, segments=48, ring_count=24)
     named("Electrode Head", lamp)
@@ -174,9 +174,9 @@ def build_set(low: Vector, high: Vector, title: str) -> None:
     def spot(*place):
         return middle + size * Vector(place)
 
-    add_light("Key", "SUN", 2.6, spot(2.6, 1.6, 2.6), middle, (1.0, 0.95, 0.88), angle=math.radians(6.0))
-    add_light("Fill", "AREA", 10.0 * size**2, spot(-2.0, 2.2, 0.9), middle, (0.70, 0.82, 1.0), size=1.8 * size)
-    add_light("Rim", "AREA", 40.0 * size**2, spot(-1.4, -2.4, 1.8), middle, (0.75, 0.85, 1.0), size=1.2 * size)
+    add_light("Key", "SUN", 2.6, spot(-2.6, -1.6, 2.6), middle, (1.0, 0.95, 0.88), angle=math.radians(6.0))
+    add_light("Fill", "AREA", 10.0 * size**2, spot(2.0, -2.2, 0.9), middle, (0.70, 0.82, 1.0), size=1.8 * size)
+    add_light("Rim", "AREA", 40.0 * size**2, spot(1.4, 2.4, 1.8), middle, (0.75, 0.85, 1.0), size=1.2 * size)
     scene.world = bpy.data.worlds.new("World")
     if bpy.app.version < (5, 0, 0):
         scene.world.use_nodes = True

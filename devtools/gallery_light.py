@@ -1,4 +1,4 @@
-"""The pictures of the page of lighting recipes: six scans under the light that an import leaves, and under the recipe;
+"""The pictures of the page of lighting recipes: four scans under the light that an import leaves, and under the recipe;
 a skull whose lamps are added one by one (runs in an environment with bpy).
 
 Every step is an operator or a setting that a user has, too.
@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import bpy
 from gallery_data import DATA
-from gallery_studio import COLD, WARM, Stage, softbox_world, view_transform
+from gallery_studio import COLD, WARM, Stage, view_transform
 from mathutils import Matrix
 
 SKULL, HEAD = "dicom_ct_skull_phantom_512x512x140", "t1_head_188x256x190_uint8.nii.gz"
@@ -39,18 +39,6 @@ def _bone(stage: Stage) -> None:
     stage.settings.ambient_occlusion = 0.7
 
 
-def _soft(stage: Stage) -> None:
-    stage.area("Key", 60.0, (-1.4, -1.4, 1.3), WARM, use_shadow=True)
-    stage.area("Fill", 15.0, (1.8, -1.2, 0.3), COLD, use_shadow=True)
-    stage.settings.ambient_occlusion = 0.4
-
-
-def _studio(stage: Stage) -> None:
-    boxes = ((1.2, -1.0, 0.9), 26.0, (9.0, 8.4, 7.6)), ((-1.5, 0.9, 0.5), 18.0, (3.0, 3.6, 4.4))
-    softbox_world(((0.02, 0.02, 0.022), (0.05, 0.055, 0.065), (0.2, 0.21, 0.23)), boxes)
-    stage.settings.ambient_occlusion = 0.8
-
-
 def _skin(stage: Stage) -> None:
     stage.lamp("Behind", "SPOT", 110.0, (1.4, 0.8, 0.1), WARM, spot_size=0.9, shadow_soft_size=0.3)
     stage.lamp("Front", "SPOT", 110.0, (-1.0, -1.6, 0.7), COOL, spot_size=0.9, shadow_soft_size=0.3)
@@ -70,11 +58,8 @@ def _values(stage: Stage) -> None:
 
 
 OPAQUE = {"opacity_unit_distance": 0.05, "smoothness": 2.0, "shift_by": -100.0}  # mm, mm, HU: thin bone is whole
-VESSELS = {"preset": "ct-angiography"}
 RECIPES = (
     Recipe("bone", SKULL, _bone, {"preset": "ct-bone"}, OPAQUE, aim=(0.0, 0.0, -0.06), lens=72.0),
-    Recipe("soft", AORTA, _soft, VESSELS),
-    Recipe("studio", SKULL, _studio, {"preset": "ct-bone"}, OPAQUE, (-1.1, -1.6, 0.3), (0.0, 0.0, -0.06), 72.0),
     Recipe(
         "skin",
         HEAD,
@@ -85,7 +70,7 @@ RECIPES = (
         lens=62.0,
     ),
     Recipe("smoke", "smoke_fog.vdb", _smoke, aim=(0.0, 0.0, -0.05)),
-    Recipe("values", AORTA, _values, VESSELS),
+    Recipe("values", AORTA, _values, {"preset": "ct-angiography"}),
 )
 
 

@@ -15,7 +15,7 @@ from .refusal import refuse
 from .through_camera import has_volume_and_camera
 
 SIZE, LONGEST, MARGIN = 0.045, 0.25, 0.04  # of a letter, of the bar and of the space beside it, shares of the picture
-ALONG = 0.9  # cosine with the view above which letters lie in front of the volume and behind it
+ALONG = 0.75  # cosine with the view above which letters lie in front of the volume and behind it
 
 
 class RLE_SPLAT_OT_add_letters(LoadsFirst, bpy.types.Operator):

@@ -154,6 +154,7 @@ def set_up_slices():
     with in_the_view():
         assert bpy.ops.rle_splat.four_up("EXEC_DEFAULT", True) == {"FINISHED"}
     activate(volume)
+    volume.rle_splat.slices_clear_black = True
     yield from settled()
     yield from keep("how-to-slices")
     passed("slices")
