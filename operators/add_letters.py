@@ -15,12 +15,11 @@ from .refusal import refuse
 from .through_camera import has_volume_and_camera
 
 SIZE, LONGEST, MARGIN = 0.045, 0.25, 0.04  # of a letter, of the bar and of the space beside it, shares of the picture
-ALONG = 0.75  # cosine with the view above which letters lie in front of the volume and behind it
 
 
 class RLE_SPLAT_OT_add_letters(LoadsFirst, bpy.types.Operator):
-    """Add the letters of the patient's sides, around what is visible, and a scale bar as objects, which renders show.
-    They turn to the camera; in perspective the bar is true in the middle of the volume. Press again after a change"""
+    """Add orientation letters around what is visible, and a scale bar, as objects that renders show. They turn to the
+    camera; in perspective the bar is true in the middle of the volume. Press again after a change"""
 
     bl_idname = "rle_splat.add_letters"
     bl_label = "Add Letters and Scale Bar"
@@ -56,7 +55,7 @@ def _letters(owner, scene, frame):
     placed = letters.placed_letters(owner, _visible_corners(owner, scene))
     found = [(letter, Vector(place.tolist())) for letter, place in placed]
     for first, second in zip(found[::2], found[1::2]):
-        if abs((second[1] - first[1]).normalized().dot(frame.col[2].xyz)) > ALONG:
+        if abs((second[1] - first[1]).normalized().dot(frame.col[2].xyz)) > letters.ALONG:
             continue
         for letter, place in (first, second):
             size = SIZE * (high.y - low.y)

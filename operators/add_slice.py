@@ -46,7 +46,7 @@ def add_slices(context, owner, volume, names) -> list:
 
 class RLE_SPLAT_OT_add_slice(LoadsFirst, bpy.types.Operator):
     """Add a plane through the middle of the volume that shows its values in gray (MPR). Move, rotate, scale and animate
-    it like any object. Renders lock Blender's interface"""
+    it like any object. While there are slices, Blender's window is locked during a render"""
 
     bl_idname = "rle_splat.add_slice"
     bl_label = "Add Slice"

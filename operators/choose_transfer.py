@@ -11,7 +11,7 @@ from .refusal import refuses
 
 FILES = ";".join(f"*{suffix}" for suffix in SUFFIXES)
 WIDTH = 360  # pixels at interface scale 1
-EVERY = ("*", "All, as Own Presets", "Keep all of them beside the presets of the extension")
+EVERY = ("*", "All, as User Presets", "Keep all of them beside the presets of the extension")
 
 _items: list = []  # of the file that is chosen from; Blender keeps no reference to their texts
 

@@ -15,7 +15,7 @@ from .refusal import has_volume, needs, refuses
 
 
 class RLE_SPLAT_OT_fit_clip(LoadsFirst, bpy.types.Operator):
-    """Make the cutting box as large as the volume again"""
+    """Fit the cutting box to the whole volume, or to what is visible of it"""
 
     bl_idname = "rle_splat.fit_clip"
     bl_label = "Fit to Volume"

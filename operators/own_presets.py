@@ -17,7 +17,7 @@ class RLE_SPLAT_OT_apply_own_preset(AppliesTransfer, bpy.types.Operator):
     """Replace the volume's colors and opacities by one of your presets"""
 
     bl_idname = "rle_splat.apply_own_preset"
-    bl_label = "Apply Own Preset"
+    bl_label = "Apply User Preset"
 
     name: StringProperty(name="Name", description="Name of the preset")
 
@@ -64,7 +64,7 @@ class RLE_SPLAT_OT_delete_own_preset(bpy.types.Operator):
     """Delete one of your presets, which cannot be undone"""
 
     bl_idname = "rle_splat.delete_own_preset"
-    bl_label = "Delete Own Preset"
+    bl_label = "Delete User Preset"
 
     name: StringProperty(name="Name", description="Name of the preset", options={"SKIP_SAVE"})
 

@@ -11,7 +11,7 @@ class RLE_SPLAT_OT_own_transfer(bpy.types.Operator):
     """Give this volume its own copy of the transfer function, so that edits no longer change other volumes"""
 
     bl_idname = "rle_splat.own_transfer"
-    bl_label = "Make Own Copy"
+    bl_label = "Make Single-User Copy"
     bl_options = {"REGISTER", "UNDO"}
 
     @classmethod

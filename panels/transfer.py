@@ -46,7 +46,7 @@ class ColorPanel:
         _draw_opacity(layout, owner.rle_splat)
         layout.operator("rle_splat.keyframe_transfer", text="Insert Keyframes", icon="KEY_HLT")
         if transfer.is_shared(owner):
-            label = filled("Make Own Copy ({users} Users)", users=tree.users)
+            label = filled("Make Single-User Copy ({users} Users)", users=tree.users)
             layout.operator("rle_splat.own_transfer", text=label, icon="DUPLICATE")
 
 

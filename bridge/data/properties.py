@@ -54,8 +54,8 @@ CLASSIFICATION_ITEMS = [
     (name, *CLASSIFICATION_TEXTS[name], "", number) for name, number in zip(tables.CLASSIFICATIONS, (0, 2), strict=True)
 ]
 QUALITY_ITEMS = [(name, *texts) for name, texts in QUALITY_TEXTS.items()] + [
-    ("paper", "As in the Paper", "The reference algorithm of 2003, exactly as in the paper, for comparison"),
-    ("custom", "Own Settings", "Set every option in the Advanced panel"),
+    ("paper", "Original 2003 Method", "The reference algorithm, exactly as in its paper of 2003, for comparison"),
+    ("custom", "Custom", "Set every option in the Advanced panel"),
 ]
 
 

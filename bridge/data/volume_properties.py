@@ -196,7 +196,8 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         options={"HIDDEN"})  # fmt: skip
     slice_position: FloatProperty(
         name="Position", description="Distance of the slice from the middle of the scan along its normal, in the "
-        "file's unit of length, mm for patients. In most CT scans positive is toward the left, back or head",
+        "file's unit of length, mm for patients. In most CT scans positive is toward the left, back or head. The view "
+        "names its place in the patient, such as S 6.5 mm, instead",
         precision=1, step=100, options=set(), set=_move_slice,
         get=lambda group: group.id_data.location.z * _slice_step(group))  # fmt: skip
     slices_follow_window: BoolProperty(
@@ -273,7 +274,7 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     shaded_window: FloatVectorProperty(
         name="Window of Shaded", description="Level, window and level of the preset, for when the mode is Shaded again",
         size=3, options={"HIDDEN"})  # fmt: skip
-    lighting: LiveEnum(name="Lighting", description="Lights that shine on the volume", items=LIGHTING_ITEMS)
+    lighting: LiveEnum(name="Light Source", description="Lights that shine on the volume", items=LIGHTING_ITEMS)
     use_gradient_opacity: LiveBool(
         name="Gradient Opacity", default=False, description="Multiply the opacity by a curve over the gradient, so "
         "that even regions become transparent and surfaces remain")  # fmt: skip

@@ -22,6 +22,8 @@ from . import drawing, slice_places
 
 WORDS = {"R": "Right", "L": "Left", "A": "Front", "P": "Back", "I": "Feet", "S": "Head"}
 SIZE = 15  # points; scaled with Blender's interface
+ALONG = 0.75  # cosine with the view above which letters lie in front of the volume and behind it
+BESIDE, FAINT = 0.2, 0.3  # cosine up to which they stand beside it; opacity of a letter that is behind it, else
 APART = 0.04  # distance from the face, as a fraction of the box's length along that axis
 FONT = 0  # Blender's own
 MARK = "rle_splat_letters"  # custom property of letters that are objects: the name of the volume that they are for
@@ -83,16 +85,18 @@ def _draw() -> None:
     shown = [owner for owner in owners if owner.visible_get()]
     channels = placements.as_channels(shown)
     blf.size(FONT, SIZE * context.preferences.system.ui_scale)
-    blf.color(FONT, *ink_over(context))
+    *ink, strength = ink_over(context)
     if context.region_data.view_perspective == "CAMERA":  # to which the objects turn
         shown = [owner for owner in shown if not has_objects(owner)]
     for owner in (one for one in shown if one not in channels):
-        for text, place, away in _on_screen(placed_letters(owner), context, faced is not None):
+        for text, place, away, opacity in _on_screen(placed_letters(owner), context, faced is not None):
             width, height = blf.dimensions(FONT, text)
-            left = place.x + 0.5 * (away * (width - height) - width)
-            if faced is not None:  # of a word all is to be read
+            left, bottom = place.x + 0.5 * (away * (width - height) - width), place.y - 0.5 * height
+            if opacity is None:  # beside the volume: a letter is to be read whatever part of the volume is seen
                 left = min(max(left, 0.5 * height), context.region.width - width - 0.5 * height)
-            blf.position(FONT, left, place.y - 0.5 * height, 0.0)
+                bottom = min(max(bottom, 0.5 * height), context.region.height - 1.5 * height)
+            blf.color(FONT, *ink, strength * (1.0 if opacity is None else opacity))
+            blf.position(FONT, left, bottom, 0.0)
             blf.draw(FONT, text)
 
 
@@ -118,27 +122,33 @@ def _draw_lines(context, sentence: str) -> None:
 
 
 def _on_screen(placed: list, context, is_slice: bool) -> list:
-    """(text, Vector in pixels, -1 to 1 for how far to the left or right of the opposite side) of the letters to draw.
+    """The letters to draw: text, Vector in pixels, -1 to 1 for how far to the left or right of the opposite side, and
+    opacity, None for one that stands beside a volume whose middle is in view.
 
-    Of two opposite letters that would cover one another, because the view looks along their axis, only the nearer one
-    is drawn: in Front View P and A would together look like R.  In the view of a slice neither is, as the slice is
-    there, and the others are words.
+    Letters along whose axis the view looks are left out: A would lie on what is seen from the front, or on the slice
+    there.  Of two others the farther one is faint, or it would name what lies before it.  Views of slices have words.
     """
     found, view = [], context.region_data
-    size = SIZE * context.preferences.system.ui_scale
     for pair in zip(placed[::2], placed[1::2]):
         points = [Vector(point) for _, point in pair]
         places = [location_3d_to_region_2d(context.region, view, point) for point in points]
-        if None in places:
-            away = (0.0, 0.0)
-        else:
-            across, length = places[1] - places[0], (places[1] - places[0]).length
-            away = -across.x / max(length, size), across.x / max(length, size)
-            if length < size:
-                far = 0 if (view.view_matrix @ points[0]).z < (view.view_matrix @ points[1]).z else 1
-                places = [None, None] if is_slice else [None if n == far else one for n, one in enumerate(places)]
-        texts = (translate(WORDS[letter]) if is_slice else letter for letter, _ in pair)
-        found += [one for one in zip(texts, places, away) if one[1] is not None]
+        texts = [translate(WORDS[letter]) if is_slice else letter for letter, _ in pair]
+        if None in places:  # behind the eye
+            found += [(text, place, 0.0, 1.0) for text, place in zip(texts, places) if place is not None]
+            continue
+        depths = [-(view.view_matrix @ point).z for point in points]
+        middle = view.view_matrix @ ((points[0] + points[1]) / 2)
+        sight = middle.normalized() if view.is_perspective else Vector((0.0, 0.0, -1.0))
+        along = abs((view.view_matrix.to_3x3() @ (points[1] - points[0])).normalized().dot(sight))
+        if along > ALONG:
+            continue
+        across, length = places[1] - places[0], max((places[1] - places[0]).length, 1.0)
+        away = -across.x / length, across.x / length
+        center, far = (places[0] + places[1]) / 2, 0 if depths[0] > depths[1] else 1
+        is_seen = 0.0 < center.x < context.region.width and 0.0 < center.y < context.region.height
+        is_beside = is_seen and (is_slice or along < BESIDE)
+        for n, text in enumerate(texts):
+            found.append((text, places[n], away[n], None if is_beside else FAINT if n == far else 1.0))
     return found
 
 

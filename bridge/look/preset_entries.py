@@ -82,7 +82,7 @@ def groups(properties) -> list[PresetGroup]:
             suits.append(Entry(name, _short(label).removeprefix(f"{kind} "), description))  # the heading says it
         else:
             others.append(Entry(name, _short(label), description))
-    own = [Entry(one.name, one.name, "Own preset", one.stamp) for one in own_presets.listed()]
+    own = [Entry(one.name, one.name, "User preset", one.stamp) for one in own_presets.listed()]
     found = [
         PresetGroup("SUITS", filled("For {kind}", kind=kind) if kind else filled("For Any Scan"), tuple(suits), True),
         PresetGroup(OWN, filled("Own"), tuple(own), True),

@@ -36,7 +36,7 @@ from . import file_changes, volumes
 OWN = "OWN"
 SOLID = "SOLID"
 FUNCTION_ITEMS = [
-    (OWN, "As the Volume", "Use the volume's own transfer function"),
+    (OWN, "Same as Volume", "Use the volume's own transfer function"),
     (SOLID, "Solid", "Give all voxels of the segment the same opacity, whatever their values"),
 ] + [item for item in IMPORT_ITEMS if item[0] != SUGGESTED]
 READING, COUNTING = 0.8, 0.9  # shares of the time until a label file is read, and until its values are counted
@@ -58,7 +58,7 @@ class LabelProperties(bpy.types.PropertyGroup):
     label_name: StringProperty(name="Name", description="Name of the segment")
     show: BoolProperty(name="Show", description="Show the voxels of this segment", default=True, update=evaluate_anew)
     use_color: BoolProperty(
-        name="Own Color", description="Use one color for this segment instead of the transfer function's colors",
+        name="Custom Color", description="Use one color for this segment instead of the transfer function's colors",
         default=False, update=evaluate_anew)  # fmt: skip
     color: FloatVectorProperty(
         name="Color", description="Color of the segment", subtype="COLOR", size=3, min=0.0, max=1.0,

@@ -202,7 +202,7 @@ def test_the_reference_lists_every_panel_with_its_settings():
         assert f"| {label} | " in text, label
     for label in ("Add Slice", "Add Cutting Object", "Chosen Segment"):
         assert f"*{label}*" not in text, label  # names that no panel draws
-    for choice in ("*Very Fine*: ", "*Own Settings*: ", "*Values*: ", "*Cubic, Fast*: "):
+    for choice in ("*Very Fine*: ", "*Custom*: ", "*Values*: ", "*Cubic, Fast*: "):
         assert choice in text, choice
     for section in text.split("\n## "):
         rows = re.findall(r"^\| (.+?) \|", section, re.MULTILINE)
