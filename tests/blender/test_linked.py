@@ -278,7 +278,7 @@ def test_B41_an_appended_scene_is_drawn_at_once(library, bridge):
 
 
 def test_the_transfer_function_of_an_override(library, bridge):
-    """A preset goes to a node group of this file; Make Own Copy and keyframes copy the library's."""
+    """A preset goes to a node group of this file; Make Single-User Copy and keyframes copy the library's."""
     transfer, linked = bridge("look.transfer"), bridge("linked")
     owner = bring(library, "override")
     before = transfer.read_transfer(owner)
