@@ -6,10 +6,12 @@ F12 renders off the main thread there, long work runs from a timer, and Esc stop
 import tempfile
 import threading
 from importlib import import_module
+from math import radians
 from pathlib import Path
 
 import bpy
 import numpy as np
+from mathutils import Euler
 
 from tests.blender.real_blender import (
     MODULE,
@@ -24,7 +26,7 @@ from tests.blender.real_blender import (
     set_up_scene,
     write_exr,
 )
-from tests.blender.window_driver import drive, in_the_view, passed, until, window
+from tests.blender.window_driver import area_of, drive, in_the_view, passed, until, window
 
 LARGE = 4096  # pixels a side of a picture that takes longer than a step
 FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_window_"))
@@ -156,9 +158,15 @@ def check_letters():
     letters = import_module(f"{MODULE}.bridge.live.letters")
     drawn, draw = [], letters.blf.draw
     letters.blf.draw = lambda font, letter: drawn.append(letter)
-    yield from until(lambda: len(set(drawn)) >= 4)
-    assert all(set(pair) <= set(drawn) or not set(pair) & set(drawn) for pair in ("RL", "AP", "IS")), drawn
-    letters.blf.draw = draw
+    view = area_of("VIEW_3D").spaces.active.region_3d
+    before = view.view_rotation.copy()
+    view.view_rotation = Euler((radians(54.7), 0.0, radians(45.0))).to_quaternion()  # as far from each axis
+    yield from until(lambda: set(drawn) == set("RLAPIS"))
+    view.view_rotation = Euler((radians(90.0), 0.0, 0.0)).to_quaternion()
+    drawn.clear()
+    yield from until(lambda: set(drawn) >= set("RLIS"))
+    assert set(drawn) == set("RLIS"), "letters that lie along the view"
+    letters.blf.draw, view.view_rotation = draw, before
     with in_the_view():
         bpy.ops.object.delete()
 
