@@ -16,7 +16,7 @@ from ..volume.axes import AXES
 from .pixel_block import BLOCK
 
 LEAST = 4.0  # transmittances at which a pixel is opaque: the weight of samples that share their light
-DRAFT, LEAST_OF_DRAFTS = 2e-3, 16.0  # the same from this transmittance on
+DRAFT, LEAST_OF_DRAFTS = 2e-3, 1.0 / 16.0  # such a transmittance from which on that weight is at least so much
 NO_PLANE = 0  # of T, U or O: that plane is the scalar's
 MATT, GLOSS, LAMP = COLUMNS, COLUMNS + 3, COLUMNS + 6  # columns of ``SampleLamps.lamps``, behind those of light_rows
 HELD = 7  # planes of ``scratch.Rows.light``
@@ -108,7 +108,7 @@ def sample_lamps(light: SampleLight, plane: BasePlane, shape_xyz, termination: f
         _single(material[[0, 4, 5, 6, 3]]), _single(sky), falling.has_highlights, bool(material[PHONG] > 0.0),
         bool(material[BACK] > 0.0), _single(_padded(slopes[0])), _single(slopes[1]), _single(_padded(bases[0])),
         _single(bases[1]), _single(directions), _single(ahead), float(plane.sign), float(middle[k]),
-        np.float32(termination), np.float32((LEAST if termination < DRAFT else LEAST_OF_DRAFTS) * termination),
+        np.float32(termination), np.float32(max(LEAST * termination, LEAST_OF_DRAFTS if termination >= DRAFT else 0.0)),
     )  # fmt: skip
 
 

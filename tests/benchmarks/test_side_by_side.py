@@ -62,7 +62,7 @@ def test_crops_are_twice_as_large(small, monkeypatch):
 
 def test_a_sheet_of_presets(small):
     image = pytest.importorskip("PIL.Image")
-    side_by_side.join_presets(["shells: own"], small / "sheet.png", 80)
+    side_by_side.join_presets(["shells: own"], 24, small / "sheet.png", 80)
     assert np.asarray(image.open(small / "sheet.png"))[TITLE:, :24].std() > 10.0
 
 
