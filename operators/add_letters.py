@@ -1,5 +1,7 @@
 """Add Letters and Scale Bar: what viewports draw over a volume, as objects, which renders show too."""
 
+import math
+
 import bpy
 import numpy as np
 from mathutils import Matrix, Vector
@@ -15,6 +17,8 @@ from .refusal import refuse
 from .through_camera import has_volume_and_camera
 
 SIZE, LONGEST, MARGIN = 0.045, 0.25, 0.04  # of a letter, of the bar and of the space beside it, shares of the picture
+ALIKE = 0.7  # cosine in the picture above which of two axes only the one more across the view has letters
+NEAREST = 0.2  # depth of a corner, as a share of the middle's, that is seen at most
 
 
 class RLE_SPLAT_OT_add_letters(LoadsFirst, bpy.types.Operator):
@@ -50,28 +54,45 @@ class RLE_SPLAT_OT_add_letters(LoadsFirst, bpy.types.Operator):
 
 
 def _letters(owner, scene, frame):
-    """Yield name, text, parent and matrix of each letter that does not lie in front of the volume or behind it."""
-    high, _, low, _ = scene.camera.data.view_frame(scene=scene)
-    placed = letters.placed_letters(owner, _visible_corners(owner, scene))
-    found = [(letter, Vector(place.tolist())) for letter, place in placed]
-    for first, second in zip(found[::2], found[1::2]):
-        if abs((second[1] - first[1]).normalized().dot(frame.col[2].xyz)) > letters.ALONG:
+    """Yield name, text, parent and matrix of each letter.
+
+    They stand beside what is visible, as the camera sees it, so that nothing hides them: at the depth of its middle,
+    and not outside the picture where that can be.
+    """
+    corners = _visible_corners(owner, scene)
+    placed = [(letter, frame.inverted() @ Vector(place.tolist()))
+              for letter, place in letters.placed_letters(owner, corners)]  # fmt: skip
+    corners = np.array([frame.inverted() @ Vector(corner) for corner in corners.tolist()])
+    middle, (high, _, low, _) = Vector(corners.mean(axis=0)), scene.camera.data.view_frame(scene=scene)
+    away = 1.0 if scene.camera.data.type == "ORTHO" else middle.z / low.z
+    size = SIZE * (high.y - low.y) * away
+    if scene.camera.data.type != "ORTHO":
+        corners *= middle.z / np.minimum(corners[:, 2:], NEAREST * middle.z)  # as seen at the middle's depth
+    if middle.z > 0.0:  # behind the camera
+        return
+    turn, used = frame.to_3x3().to_4x4() @ Matrix.Scale(size, 4), []
+    axes = [((pair[1][1] - pair[0][1]).normalized(), pair) for pair in zip(placed[::2], placed[1::2])]
+    for axis, pair in sorted(axes, key=lambda one: abs(one[0].z)):
+        across = axis.to_2d().normalized()
+        if abs(axis.z) > letters.ALONG or any(abs(across.dot(other)) > ALIKE for other in used):
             continue
-        for letter, place in (first, second):
-            size = SIZE * (high.y - low.y)
-            if scene.camera.data.type != "ORTHO":
-                size *= (frame.inverted() @ place).z / low.z
-            matrix = Matrix.Translation(place) @ frame.to_3x3().to_4x4() @ Matrix.Scale(size, 4)
-            yield letter, _text(letter), owner, matrix
+        used.append(across)
+        reach = float(np.abs((corners[:, :2] - middle[:2]) @ across).max()) + size
+        for (letter, _), toward in zip(pair, (-across, across)):
+            ends = [((high if way > 0.0 else low)[n] * away - middle[n] - math.copysign(size, way)) / way
+                    for n, way in enumerate(toward) if way]  # fmt: skip
+            room = min(ends)  # to the picture's edge
+            place = frame @ (middle + (min(reach, room) if room > 0.0 else reach) * toward.to_3d())
+            yield letter, _text(letter), owner, Matrix.Translation(place) @ turn
 
 
-def _visible_corners(owner, scene) -> np.ndarray | None:
-    """The corners of the box around what is visible, in world space; None where that is not known."""
+def _visible_corners(owner, scene) -> np.ndarray:
+    """The corners of the box around what is visible, in world space; of the whole volume where that is not known."""
     try:
         volume = volumes.load_volume(owner)
         fit = fitted(owner, volume, "VISIBLE")
     except RleSplatError:
-        return None
+        return box.world_corners(owner)
     matrix = attached.volume_frame(volume, owner, scene_scale_of(scene, volume.unit)) @ fit
     return (2.0 * box.CORNERS - 1.0) @ matrix[:3, :3].T + matrix[:3, 3]
 

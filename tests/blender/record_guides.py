@@ -3,8 +3,8 @@
     python3 dev.py blender --photograph tests/blender/record_guides.py --size 1280x800
 
 writes how-to-*.jpg and organs-*.jpg into build/window-shots/record_guides.  In tests/blender/data are: ``scan``, the
-DICOM series of the gallery's skull; ``cta_aorta_labels``, the dissected aorta with its segments;
-``t1_head_188x256x190_uint8.nii.gz``; and ``cthead_256x256x113_uint16be.raw.gz``.
+DICOM series of the gallery's skull; ``cta_aorta_labels``, the dissected aorta with its segments; and the files of RAW,
+FOOT and HEAD_MR.
 how-to-preferences.jpg is a part of preferences.png of window_panels.py.
 """
 
@@ -39,7 +39,7 @@ DATA = Path(__file__).parent / "data"
 HEAD, ORGANS, QUALITY = "560x560+190+170", "540x610+160+140", "70"
 BEATING, PANEL, REPORT = "280x330+380+230", "260x330+990+448", "945x695+310+82"
 RAW, AORTA = "cthead_256x256x113_uint16be.raw.gz", "cta_aorta_labels"
-HEAD_MR = "t1_head_188x256x190_uint8.nii.gz"
+FOOT, HEAD_MR = "foot_256x256x256_uint8_fromjpeg.raw.gz", "t1_head_188x256x190_uint8.nii.gz"
 SCANS = Path("/scans")  # of the small system: a path that a reader could have
 COLUMN, GAP, LETTER = 0.17, 0.008, 0.026  # of names: from the middle, to the line, and their size, in widths
 NEARER = "0.15"  # m that a name is brought nearer to the camera, as it is typed
@@ -89,19 +89,27 @@ def begin():
     yield
 
 
-def skull(before: str = ""):
-    """The skull without its head holder, by the preset Bone, photographed ``before`` with it; returns the volume."""
+def imported(preset: str, name: str, **given):
+    """A file of the data, or a folder, in a new file, shown by a preset; returns the volume."""
     yield from begin()
     with in_the_view():
-        assert bpy.ops.rle_splat.import_folder(directory=str(DATA / "scan")) == {"FINISHED"}
-        assert bpy.ops.rle_splat.apply_preset(preset="ct-bone") == {"FINISHED"}
+        if (DATA / name).is_dir():
+            assert bpy.ops.rle_splat.import_folder(directory=str(DATA / name)) == {"FINISHED"}
+        else:
+            assert bpy.ops.rle_splat.import_volume(filepath=str(DATA / name), at_cursor=True, **given) == {"FINISHED"}
+        assert bpy.ops.rle_splat.apply_preset(preset=preset) == {"FINISHED"}
     volume = bpy.context.view_layer.objects.active
+    if not (DATA / name).is_dir():
+        volume.name = name.split("_")[0].title()  # a short one
     volume.select_set(False)  # a selected box is orange
-    look_from(76.0, -30.0, 0.5)
     area_of("VIEW_3D").spaces.active.overlay.show_relationship_lines = False
-    if before:
-        yield from settled()
-        yield from keep(before, HEAD)
+    return volume
+
+
+def skull():
+    """The skull without its head holder, by the preset Bone; returns the volume."""
+    volume = yield from imported("ct-bone", "scan")
+    look_from(76.0, -30.0, 0.5)
     with in_the_view():
         assert bpy.ops.rle_splat.remove_table() == {"FINISHED"}
     yield from settled()
@@ -119,26 +127,30 @@ def bare() -> None:
     overlay.show_floor = overlay.show_axis_x = overlay.show_axis_y = False
 
 
-def curve_and_window():
-    volume = yield from skull()
-    with in_the_view():
-        assert bpy.ops.rle_splat.change_segment(tool="GROW", length=2.0) == {"FINISHED"}
-    volume.rle_splat.shift_by, volume.rle_splat.opacity_unit_distance = -100.0, 0.05  # thin walls are whole
-    bpy.context.scene.rle_splat.quality, bpy.context.scene.rle_splat.ambient_occlusion = "fine", 0.7
+def curve():
+    """Bones in a foot that is nearly clear."""
+    yield from imported("xa-limb", FOOT, spacing=(1.0, 1.0, 1.0))
+    bpy.context.scene.rle_splat.quality = "fine"
     bare()
-    area_of("VIEW_3D").spaces.active.region_3d.view_location.z -= 0.02
-    for name, turn, nearer in (("how-to-curve", 30.0, 0.85), ("how-to-window", -50.0, 1.0)):
-        look_from(80.0, turn, nearer)
-        yield from settled()
-        if name == "how-to-window":
-            with in_the_view():
-                bpy.ops.rle_splat.use_window_tool()
-            for x in (60.0, 61.0):
-                simulate("MOUSEMOVE", "NOTHING", middle(x, 40.0))
-                yield
-            yield from settled()
-        yield from keep(name)
-    passed("curve, window")
+    look_from(65.0, -80.0, 0.5)
+    yield from settled()
+    yield from keep("how-to-curve")
+    passed("curve")
+
+
+def window_tool():
+    yield from imported("mr-head", HEAD_MR)
+    bare()
+    look_from(80.0, -50.0, 0.5)
+    with in_the_view():
+        bpy.ops.rle_splat.use_window_tool()
+    yield from settled()
+    for x in (60.0, 61.0):
+        simulate("MOUSEMOVE", "NOTHING", middle(x, 40.0))
+        yield
+    yield from settled()
+    yield from keep("how-to-window")
+    passed("window")
 
 
 def set_up_slices():
@@ -160,10 +172,24 @@ def set_up_slices():
     passed("slices")
 
 
+def head():
+    """The skin of a head from slices 2 mm apart."""
+    volume = yield from imported(
+        "ct-skin", RAW, spacing=(1.0, 1.0, 2.0), use_calibration=True, intercept=-1024.0, value_unit="HU",
+        modality="CT", orientation="LPI")  # fmt: skip
+    bare()
+    look_from(80.0, 35.0, 0.6)
+    return volume
+
+
 def smoothness():
     open_panels("RLE_SPLAT_PT_volume", *(f"RLE_SPLAT_PT_{name}" for name in PANELS))
-    volume = yield from skull()
-    for name, smoothness in (("rough", 0.0), ("smooth", 2.0)):
+    volume = yield from head()
+    with in_the_view():
+        assert bpy.ops.rle_splat.remove_table() == {"FINISHED"}
+    area_of("VIEW_3D").spaces.active.region_3d.view_location.z += 0.045
+    look_from(75.0, 25.0, 0.5)
+    for name, smoothness in (("rough", 0.0), ("smooth", 3.0)):
         volume.rle_splat.smoothness = smoothness
         yield from settled()
         yield from keep(name, HEAD)
@@ -171,10 +197,20 @@ def smoothness():
     passed("smoothness")
 
 
-def table_and_surface():
-    volume = yield from skull("holder")
+def table():
+    yield from head()
+    yield from settled()
+    yield from keep("table", HEAD)
+    with in_the_view():
+        assert bpy.ops.rle_splat.remove_table() == {"FINISHED"}
+    yield from settled()
     yield from keep("free", HEAD)
-    beside("how-to-table", "holder", "free")
+    beside("how-to-table", "table", "free")
+    passed("table")
+
+
+def surface():
+    volume = yield from skull()
     with in_the_view():
         assert bpy.ops.rle_splat.extract_surface(of="VALUE", value=250.0) == {"FINISHED"}
     made, view = bpy.context.view_layer.objects.active, area_of("VIEW_3D").spaces.active
@@ -190,12 +226,14 @@ def table_and_surface():
     yield from wait_for_rest()
     yield from keep("mesh", HEAD)
     beside("how-to-surface", "volume", "mesh")
-    passed("table, surface")
+    passed("surface")
 
 
 def pinned():
     open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_picture")
-    volume = yield from skull()
+    volume = yield from imported("mr-head", HEAD_MR)
+    look_from(80.0, 35.0, 0.5)
+    yield from settled()
     scene, region = bpy.context.scene, area_of("VIEW_3D").spaces.active.region_3d
     camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
     camera.data.clip_start, camera.data.sensor_width = 0.01, 72.0  # that of a viewport
@@ -417,8 +455,7 @@ def named():
     scene.camera, camera.matrix_world = camera, view.region_3d.view_matrix.inverted()
     scene.render.resolution_x, scene.render.resolution_y = 800, 600
     yield from press("NUMPAD_0", middle())
-    yield
-    assert view.region_3d.view_perspective == "CAMERA"
+    yield from until(lambda: view.region_3d.view_perspective == "CAMERA")
     box = volume.instance_collection.objects[0]
     at = sum((volume.matrix_world @ box.matrix_world @ corner.co for corner in box.data.vertices), Vector()) / 8
     with in_the_view():
@@ -534,7 +571,7 @@ def scenario():
 
 
 PARTS = (
-    curve_and_window, set_up_slices, smoothness, table_and_surface, raw_file, pinned, tutorial_of_organs, in_time,
+    curve, window_tool, set_up_slices, smoothness, table, surface, raw_file, pinned, tutorial_of_organs, in_time,
     reported, named,
 )  # fmt: skip
 drive(scenario)

@@ -6,7 +6,7 @@ import bpy
 import numpy as np
 import pytest
 from bpy_extras.object_utils import world_to_camera_view
-from mathutils import Vector
+from mathutils import Euler, Vector
 
 from tests.blender import formats, scenes
 
@@ -114,6 +114,38 @@ def test_letters_of_a_render_stand_around_what_is_visible(nifti, values, bridge)
     ends = np.maximum(seen.min(axis=0) - 1, 0), np.minimum(seen.max(axis=0) + 1, np.array(values.shape) - 1)
     np.testing.assert_allclose(index, [0.5 * (ends[0] + ends[1])] * 2, atol=1e-3)
     assert (ends[0] > 0).any()
+
+
+@pytest.mark.parametrize("kind", ["PERSP", "ORTHO"])
+@pytest.mark.parametrize(("turn", "expected"), [(30.0, "RLSI"), (-60.0, "APSI"), (110.0, "APSI")])
+def test_letters_of_a_render_stand_beside_a_volume_that_is_seen_aslant(nifti, bridge, kind, turn, expected):
+    bpy.ops.rle_splat.import_volume(filepath=str(nifti))
+    owner, scene = active(), bpy.context.scene
+    corners = bridge("volumes.box").world_corners(owner)
+    place = Vector(corners.mean(axis=0))
+    angles = math.radians(85.0), 0.0, math.radians(turn)
+    place += Euler(angles).to_matrix() @ Vector((0.004, 0.002, 0.12))
+    scenes.add_camera(place, rotation=angles, type=kind, ortho_scale=0.1, clip_start=0.01)
+    assert bpy.ops.rle_splat.add_letters() == {"FINISHED"}
+    bpy.context.view_layer.update()
+
+    def seen(point) -> np.ndarray:
+        return np.array(world_to_camera_view(scene, scene.camera, Vector(point))[:2])
+
+    made = {one.name: seen(one.matrix_world.translation) for one in scene.objects if len(one.name) == 1}
+    assert set(made) == set(expected)
+    box = np.array([seen(corner) for corner in corners])
+    for letter, point in made.items():
+        others = box @ (away := point - seen(corners.mean(axis=0)))
+        assert point @ away > others.max(), f"{letter} lies over the volume"
+        true = seen(dict(bridge("live.letters").placed_letters(owner))[letter]) - seen(corners.mean(axis=0))
+        assert true @ away > 0.0, f"{letter} is on the wrong side"
+    scene.camera.data.lens *= 8.0
+    scene.camera.data.ortho_scale /= 8.0  # the picture ends before the volume does
+    assert bpy.ops.rle_splat.add_letters() == {"FINISHED"}
+    bpy.context.view_layer.update()
+    close = [seen(one.matrix_world.translation) for one in scene.objects if len(one.name) == 1]
+    assert len(close) == 4 and np.all(np.abs(np.array(close) - 0.5) < 0.5) and np.ptp(close, axis=0).min() > 0.6
 
 
 def test_a_volume_without_a_place_has_no_letters(volume_object, bridge):
