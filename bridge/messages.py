@@ -6,7 +6,9 @@ from ..rle_splat.scene import RleSplatError
 def sentence_of(problem: Exception) -> str:
     """The sentence that a user reads for an exception."""
     known = isinstance(problem, RleSplatError)
-    return str(problem) if known else f"The volume could not be rendered because of an internal error: {problem!r}."
+    if known:
+        return str(problem)
+    return f"The volume could not be rendered because of an internal error; please report it: {problem!r}."
 
 
 def the_volume(*names: str) -> str:

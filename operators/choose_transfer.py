@@ -38,7 +38,7 @@ class RLE_SPLAT_OT_choose_transfer(bpy.types.Operator):
     filepath: StringProperty(name="File", description="The file", options={"HIDDEN", "SKIP_SAVE"})
     choice: EnumProperty(name="Use", description="What to take from the file", items=_choices, options={"SKIP_SAVE"})
     overwrite: BoolProperty(
-        name="Replace Presets of the Same Name", description="Replace own presets that have the same names",
+        name="Replace Presets of the Same Name", description="Replace user presets that have the same names",
         default=False, options={"SKIP_SAVE"})  # fmt: skip
 
     def invoke(self, context, _event):
@@ -66,7 +66,7 @@ class RLE_SPLAT_OT_import_presets(bpy.types.Operator, ImportHelper):
 
     filter_glob: StringProperty(default=FILES, options={"HIDDEN"})
     overwrite: BoolProperty(
-        name="Replace Presets of the Same Name", description="Replace own presets that have the same names",
+        name="Replace Presets of the Same Name", description="Replace user presets that have the same names",
         default=False, options={"SKIP_SAVE"})  # fmt: skip
 
     @refuses
@@ -76,6 +76,6 @@ class RLE_SPLAT_OT_import_presets(bpy.types.Operator, ImportHelper):
         for remark in sorted({remark for one in found for remark in one.remarks}):
             names = ", ".join(one.function.name for one in found if remark in one.remarks)
             self.report({"WARNING"}, f"{names}: {remark}")
-        self.report({"INFO"}, f"Added {len(found)} own presets")
+        self.report({"INFO"}, f"Added {len(found)} user presets")
         redraw_sidebars(context)
         return {"FINISHED"}

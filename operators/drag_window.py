@@ -17,7 +17,7 @@ KEYS = "Right, Left: Window   |   Up, Down: Level   |   Shift: Finer   |   Relea
 
 
 class RLE_SPLAT_OT_drag_window(bpy.types.Operator):
-    """Drag sideways to change the window, up or down to change the level. Over a slice the slices' own change"""
+    """Drag sideways to change the window, up or down to change the level. Over slices, their window and level change"""
 
     bl_idname = "rle_splat.drag_window"
     bl_label = "Drag Window and Level"

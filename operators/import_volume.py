@@ -223,7 +223,7 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
                  if name in ("shape", "dtype", "byte_order", "header_bytes")}  # fmt: skip
         guess = yield from guess_raw_steps(path, **known)
         if guess.shape is None or guess.dtype is None or not guess.candidates:
-            size = "too many" if guess.size is None else guess.size
+            size = "many" if guess.size is None else guess.size
             raise RleSplatError(
                 f"No shape and type can be guessed for {os.path.basename(path)} from its {size} bytes; "
                 "set Shape and Type in the import dialog."

@@ -29,7 +29,7 @@ class RLE_SPLAT_OT_plain_background(bpy.types.Operator):
     def poll(cls, context):
         space = context.space_data
         is_solid = getattr(space, "type", "") == "VIEW_3D" and space.shading.type == "SOLID"
-        return needs(cls, is_solid, "Only Solid shading has a background of its own; other shading shows the world")
+        return needs(cls, is_solid, "Switch the viewport to Solid shading; other shading shows the world as background")
 
     def execute(self, context):
         shading, white = context.space_data.shading, wants_white(volumes.volume_object(context))

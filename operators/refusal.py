@@ -62,7 +62,7 @@ def has_editable_values(cls, context) -> bool:
 def has_segments(cls, context) -> bool:
     """For ``poll``: as ``has_editable_volume``, and the volume has segments."""
     return has_editable_volume(cls, context) and needs(
-        cls, volumes.volume_object(context).rle_splat.labels, "Read a label file first"
+        cls, volumes.volume_object(context).rle_splat.labels, "Load or make segments first"
     )
 
 

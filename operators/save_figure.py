@@ -59,7 +59,7 @@ class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
         name="Length", description="Length of the scale bar in millimeters; 0 chooses a round one", min=0.0
     )
     scale_depth: EnumProperty(
-        name="Measured At", description="Where a scale bar in perspective is measured; it is written beside it",
+        name="Measured At", description="Depth at which the scale bar holds in perspective; written beside the bar",
         items=[("NONE", "Nowhere", "No scale bar in perspective"),
                ("CENTER", "Middle of the Volume", "At the distance of the volume's middle")])  # fmt: skip
     color_bar: BoolProperty(name="Color Bar", description="Show colors and opacity over the values", default=True)
@@ -99,7 +99,7 @@ class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
             layout.prop(self, "scale_length")
             layout.prop(self, "scale_depth")
             if self.scale_depth == "NONE" and self._is_perspective(context):
-                layout.label(text="None in a perspective view: see Measured At", icon="INFO")
+                layout.label(text="No scale bar in perspective: set Measured At", icon="INFO")
         layout.prop(self, "color_bar")
         layout.prop(self, "use_caption")
         if self.use_caption:
@@ -117,7 +117,9 @@ class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
 
     def prepare(self, context):
         if tolerance_of(context.scene) is not None:
-            raise RleSplatError("A figure is made with a quality; set Maximum Error to 0 in Advanced to save one.")
+            raise RleSplatError(
+                "A figure cannot be made with a Maximum Error; set it to 0 in Advanced, then save again."
+            )
         if not self.filepath:
             raise RleSplatError("The figure has no file; give a path that ends in .svg, .png or .exr.")
         self._path = figure.absolute(self.filepath)

@@ -69,8 +69,7 @@ def _draw_error(context, layout) -> None:
     if settings.use_max_error:
         layout.prop(settings, "max_error", text="8-Bit Steps")
     if lost := taken_away(context.scene):
-        which = "Pictures with a Maximum Error" if settings.max_error else "With it, pictures"
-        paragraph(context, layout, f"{which} have no {' and no '.join(lost)}.", "INFO")
+        paragraph(context, layout, f"Pictures with a Maximum Error have no {' and no '.join(lost)}.", "INFO")
 
 
 def _memory(context) -> str:

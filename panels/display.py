@@ -13,7 +13,7 @@ from ..rle_splat.scene import MODES
 from ..rle_splat.volume.volume import PATIENT
 from .places import DataTab, OfVolume, paragraph
 
-MINIP = "The smallest value of most lines is that of air: cut the volume to a slab with Cut > Add Box"
+MINIP = "Air is the smallest value on most lines of sight: cut the volume to a slab with Cut > Add Box"
 LABELS = {preset.label.casefold(): preset.label for preset in PRESETS.values()}  # as the menu has them
 WIDE = 50.0  # range of values above which a drag shifts by whole units
 

@@ -58,7 +58,9 @@ def draw_state(context, layout) -> None:
             "rle_splat.hide_mesh", text=filled("Hide {mesh}", mesh=mesh), translate=False, icon="HIDE_ON"
         ).mesh = mesh
     elif not preferences.value("show_live"):
-        paragraph(context, layout, "Volumes are not drawn live: see the preferences of RLE Splat", icon="HIDE_ON")
+        paragraph(
+            context, layout, "Show Volumes Live is off; turn it on in the preferences of RLE Splat", icon="HIDE_ON"
+        )
     elif viewports := live.viewports_of(area):
         if any(one.waits for one in viewports):
             layout.label(text="Reading files", icon="SORTTIME")

@@ -15,8 +15,8 @@ class RLE_SPLAT_WT_window(bpy.types.WorkSpaceTool):
     bl_label = "Window and Level"
     bl_description = (
         "Change the range of values that the volume's colors and opacity cover, and read values under the mouse.\n"
-        "Drag right and left for the window, up and down for the level; Shift is finer. Over a slice the drag changes "
-        "that of the slices, and the wheel moves the slice"
+        "Drag right and left for the window, up and down for the level; Shift is finer. Over a slice, dragging changes "
+        "the range of the slices, and the wheel moves the slice"
     )
     bl_icon = "ops.paint.weight_gradient"
     bl_cursor = "CROSSHAIR"

@@ -55,7 +55,7 @@ def note_sweep(settings, report: dict, what: str) -> None:
     image, probes = report["image"], report["probes"]
     settings.accuracy_note = (
         f"{what}, {image['width']} x {image['height']} pixels, {report['threads']} thread(s). Errors are steps of an "
-        f"8-bit picture at {probes['random']} random and {probes['steep']} steep pixels."
+        f"8-bit picture, at {probes['random']} random pixels and {probes['steep']} pixels on edges."
     )
 
 
@@ -135,7 +135,7 @@ def keep_error_map(scene, volume_object, errors, report: dict):
     every = "every pixel" if found["step"] == 1 else f"one pixel in each {found['step']} x {found['step']}"
     settings.error_note = (
         f"{truth_sentence(found['truth'])}: largest {figure_text(found['measured'])}, RMSE "
-        f"{figure_text(found['rmse'])} steps of an 8-bit picture at {every}. In the image white is one of these or "
-        "more."
+        f"{figure_text(found['rmse'])} steps of an 8-bit picture at {every}. White in the image is an error of 1 "
+        "or more."
     )
     return image

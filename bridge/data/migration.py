@@ -45,8 +45,8 @@ def _give_to_volumes(scene) -> None:
             elif one.library is None and not one.rle_splat.is_property_set(name):
                 setattr(one.rle_splat, name, value)
     if unlike:
-        messages.complain(own, f"Mode and Lighting of {', '.join(map(repr, unlike))} are those of the file that it is "
-                               "linked from; make a library override to give it those of this scene.")  # fmt: skip
+        messages.complain(own, f"Mode and Lighting of {', '.join(map(repr, unlike))} come from the linked file; make a "
+                               "library override to use those of this scene.")  # fmt: skip
     if any(curve.data_path.removeprefix("rle_splat.") in ITEMS_OF_SCENE for curve in curves_of(scene)):
         messages.complain(own, "Mode and Lighting are animated in the scene; they belong to each volume now, so insert "
                                "these keyframes there.")  # fmt: skip

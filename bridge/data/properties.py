@@ -83,9 +83,9 @@ PLAIN_TEXTS = {
     "warp_filter": "How the finished layers become the pixels of the picture",
     "axis_fade": "Degrees over which two stacks of slices are blended as the camera turns, so that the picture does "
     "not jump; only in orthographic views",
-    "termination": "Skip what is behind matter that less than this share of the light passes (early ray termination)",
-    "rays": "Ray cast pixels that differ from a neighbor by at least this much; slower and exact. 1 is from black to "
-    "white, 0 is off. Only if Interpolate is Values",
+    "termination": "Skip what is behind material that lets less than this share of light pass (early ray termination)",
+    "rays": "Compute pixels that differ from a neighbor by at least this much exactly, by ray casting; slower. 1 is "
+    "from black to white, 0 is off. Only if Interpolate is Values",
     "model": "What is added up where voxels overlap; only Extinction if Interpolate is Values",
     "record": "Bytes in memory for each voxel; fewer lose accuracy",
 }

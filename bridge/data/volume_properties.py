@@ -47,8 +47,8 @@ DISPLAY_ITEMS = [
 SHOWN = tuple(item[0] for item in DISPLAY_ITEMS)  # the modes in the order of the panel
 MODE_ITEMS = [DISPLAY_ITEMS[SHOWN.index(name)] for name in tables.MODES]  # in that of files
 SHIFT = (
-    "Slide colors and opacity along the values, in their unit: negative shows less dense material, too. Level moves by "
-    "as much"
+    "Slide colors and opacity along the values, in their unit: a negative shift shows less dense material, too. Level "
+    "moves with them"
 )
 LIGHTING_ITEMS = [
     ("SCENE", "Scene Lights", "Use the lights of the scene, or a headlight if there are none"),

@@ -116,7 +116,7 @@ def save(name: str, function: TransferFunction, overwrite: bool = False) -> None
     name = checked_name(name)
     existing = taken(name)
     if existing and not overwrite:
-        raise RleSplatError(f"There is an own preset {existing!r} already; choose another name, or replace it.")
+        raise RleSplatError(f"There is already a user preset {existing!r}; choose another name, or replace it.")
     place = Path(bpy.utils.user_resource("SCRIPTS", path=PLACE, create=True))
     try:
         with whole_files([place / f"{existing or name}{SUFFIX}"]) as (part,):
@@ -143,7 +143,7 @@ def save_all(functions, overwrite: bool = False) -> None:
         named[name] = function
     clash = "" if overwrite else next(filter(None, map(taken, named)), "")
     if clash:
-        raise RleSplatError(f"There is an own preset {clash!r} already; delete it, or replace those of the same name.")
+        raise RleSplatError(f"There is already a user preset {clash!r}; delete it, or replace those of the same name.")
     for name, function in named.items():
         save(name, function, overwrite)
 
@@ -166,7 +166,7 @@ def read(name: str) -> TransferFunction:
 
 def _path_of(name: str) -> Path:
     if not taken(name):
-        raise RleSplatError(f"There is no own preset {name!r}; choose another one.")
+        raise RleSplatError(f"There is no user preset {name!r}; choose another one.")
     return folder() / f"{taken(name)}{SUFFIX}"
 
 

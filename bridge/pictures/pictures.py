@@ -175,9 +175,9 @@ def _error_lines(report: dict) -> list[str]:
     if error.get("truth") not in TRUTH_TEXTS:
         return []
     if error["tolerance"] is None:
-        return ["Error not measured: Maximum Error in the panel Advanced measures it"]
+        return ["Error not measured; to measure it, use Maximum Error in the panel Advanced"]
     against = TRUTH_TEXTS[error["truth"]]
-    measured = f"Error in steps of an 8-bit picture: {error['sentence']}, against {against}"
+    measured = f"Error in steps of an 8-bit picture: {error['sentence']}; the reference is {against}"
     return [measured, error.get("statement", ""), report["plan"]["name"]]
 
 

@@ -59,7 +59,7 @@ def state(scene, lighting: str = "SCENE") -> str:
     """Which light of the world is used, and why not if not; for a panel, so nothing is changed, read or rendered."""
     settings, world = scene.rle_splat, scene.world
     if lighting not in BY_SCENE:
-        return "World not used: see Lighting"
+        return "World not used: see Light Source"
     if not settings.use_world:
         return "World not used: turned off"
     if world is None:

@@ -99,8 +99,8 @@ def check_grid(name: str, placed, owner_name: str, volume) -> None:
     mine, its = (" x ".join(map(str, one.shape_xyz)) for one in (volume, placed))
     if mine != its:
         raise RleSplatError(
-            f"{name!r} has {its} voxels and {owner_name!r} {mine}; choose a volume on the same grid, or "
-            "files that say how they lie in the patient."
+            f"{name!r} has {its} voxels and {owner_name!r} has {mine}; choose a volume on the same grid, "
+            "or files that say how they lie in the patient."
         )
 
 

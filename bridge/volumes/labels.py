@@ -286,7 +286,9 @@ def check_grid(found: Volume, volume: Volume) -> None:
     Labels(found)  # checks for whole numbers
     if found.shape_xyz != volume.shape_xyz:
         mine, its = (" x ".join(map(str, one.shape_xyz)) for one in (volume, found))
-        raise RleSplatError(f"The label file has {its} voxels and the volume {mine}; choose one on the same grid.")
+        raise RleSplatError(
+            f"The label file has {its} voxels and the volume has {mine}; choose a label file on the same grid."
+        )
 
 
 def remove_row(rows, index: int) -> bool:

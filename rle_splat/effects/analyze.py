@@ -192,8 +192,8 @@ def analyze_effects(scene: Scene, quality: Quality) -> tuple[EffectSet, Scene]:
             reason = reason if on else scene.reasons_off.get(name, reason)
             if by_hand and not on and not kind.may_be_idle:
                 raise RleSplatError(
-                    f"The effect {name} is turned on by hand, but {reason}; leave it to the scene, or give it what it "
-                    "needs."
+                    f"The effect {name} is turned on by hand, but {reason}; set it to Auto, or add what it needs to "
+                    "the scene."
                 )
             effect = Effect(name, on or bool(by_hand), f"by hand: {reason}" if by_hand else reason, by_hand)
         left = kind.without(left) if effect.is_taken_out else left

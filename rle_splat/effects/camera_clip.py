@@ -66,7 +66,7 @@ class CameraClip(RayEffect):
 def _judge(scene: Scene, quality: Quality) -> tuple[bool, str]:
     view = index_view(scene.camera, scene.index_to_world, scene.width, scene.height)
     cut = is_cut(scene, view, quality)
-    return cut, f"a clip plane of the camera {'cuts' if cut else 'does not cut'} the volume"
+    return cut, f"{'a' if cut else 'no'} clip plane of the camera cuts the volume"
 
 
 def _without(scene: Scene) -> Scene:

@@ -13,7 +13,7 @@ from ..warp.warp import TAPS, warp_reach
 from .kind import Kind
 from .ray_pass import RayEffect, RayPass
 
-NOTHING_LEFT = "The picture is empty: what the clip objects leave of the volume is transparent or out of view."
+NOTHING_LEFT = "The picture is empty: what the cutting objects leave of the volume is transparent or out of view."
 
 # A plane this little inside the volume, in voxels, cuts nothing: a box that was fitted to it, rounded.
 TOUCHING = 1e-5
@@ -104,7 +104,7 @@ def _count_in_words(number: int, kind: str) -> str:
 
 def _judge(scene: Scene, quality: Quality) -> tuple[bool, str]:
     if not scene.clips:
-        return False, "the scene has no clip object"
+        return False, "the scene has no cutting object"
     kinds = [clip.kind for clip, sides in _cutting(scene, quality) if len(sides)]
     found = [_count_in_words(kinds.count(kind), kind) for kind in CLIP_KINDS if kind in kinds]
     if not found:

@@ -99,13 +99,13 @@ def _obstacle(scene: Scene) -> str:
 def _labels_called_for(scene: Scene, quality: Quality) -> tuple[bool, str]:
     labels = scene.labels
     if labels is None:
-        return False, "the scene has no label volume"
+        return False, "the volume has no segments"
     if reason := _obstacle(scene):
         return False, reason
     hidden = sum(function is None for function in labels.functions.values())
     if not labels.functions:
-        return False, "no label is hidden or has a transfer function"
-    return True, f"{len(labels.functions) - hidden} label(s) with a transfer function, {hidden} hidden"
+        return False, "no segment is hidden or has a transfer function"
+    return True, f"{len(labels.functions) - hidden} segment(s) with a transfer function, {hidden} hidden"
 
 
 def _channels_called_for(scene: Scene, quality: Quality) -> tuple[bool, str]:

@@ -38,7 +38,10 @@ def mode_quality(scene: Scene, quality: Quality) -> tuple[Quality, str]:
     if quality.classification == "post":
         return quality, ""
     by_post = replace(quality.classified("pre"), **POST_ONLY, classification="post")
-    return by_post, f"The mode {scene.mode} shows values, so it was rendered by post, not by {quality.classification}."
+    return (
+        by_post,
+        f"The mode {scene.mode} shows values, so the classification post was used, not {quality.classification}.",
+    )
 
 
 MODE = Kind(

@@ -42,6 +42,7 @@ from ..scene import (
 from ..splat.scratch import BAND
 from ..warp.steep import UNLIMITED
 
+LAYERS = {"preintegrated": "exact layers", "midpoint": "midpoints", "gauss2": "Gauss layers"}  # as panels name rules
 CALIBRATION = Path(__file__).with_name("calibration.json")
 LEAST_ROUGHNESS = 0.1  # levels: errors are not extrapolated to smoother media
 SHEETS_PER_VOXEL = {"slice": 1, "simpson": 2, "gauss2": 2}
@@ -94,11 +95,11 @@ class PresetPlan:
     def describe(self) -> str:
         """In words for a person."""
         rule, density, _, _, rays = self.knobs
-        text = f"{rule} sheets of density {density:g}"
+        text = f"{LAYERS[rule.partition('-')[0]]} ({rule}), pixel density {density:g}"
         if rays == NO_RAYS:
             return text
         where = "wherever something is seen" if rays <= UNLIMITED else f"where neighbors differ by {100.0 * rays:.0f} %"
-        return f"{text} and single rays {where}"
+        return f"{text} and exact pixels {where}"
 
 
 @cache

@@ -47,8 +47,8 @@ def choose_plan(source: Source, cache: StageCache) -> Source:
     if not quality.is_preset or quality.classification != "post":
         why = FIRST_FRAMES if quality.held else BY_PRE if quality.is_preset else AS_GIVEN
         return replace(source, plan={"why": why, "aim": None, "expected": None})
-    aim, name = PRESET_AIMS[quality.name], quality.name.capitalize()
-    said = f"{name} aims at an error of at most {aim:g} of 255 gray levels {OF_999}"
+    aim, name = PRESET_AIMS[quality.name], {"strict": "Very fine (strict)"}.get(quality.name, quality.name.capitalize())
+    said = f"{name} aims at an error of at most {aim:g} steps of an 8-bit picture {OF_999}"
     own = tuple(getattr(quality, knob) for knob in PRESET_KNOBS)
     is_known = any(one.knobs == own for one in preset_plans())
     why_not = _explain_no_choice(source.scene) if is_known else "its settings are the same for all scenes"
@@ -61,15 +61,15 @@ def choose_plan(source: Source, cache: StageCache) -> Source:
     usual, chosen = choose(own, aim, rough, can_trace(source))
     expected = chosen.error(rough)
     if chosen.knobs == own:
-        why = f"{said}; {expected:.2g} are expected here with its usual settings."
+        why = f"{said}; an error of {expected:.2g} is expected with its usual settings."
     else:
         why = (
-            f"{said}. Its usual settings are expected to err by "
-            f"{usual.error(rough):.2g}, because edges are hard here ({rough:.2g} levels within half a voxel). "
-            f"With {chosen.describe()}, {expected:.2g} are expected."
+            f"{said}. With its usual settings an error of "
+            f"{usual.error(rough):.2g} is expected, because edges are sharp here ({rough:.2g} steps within half a "
+            f"voxel). With {chosen.describe()}, an error of {expected:.2g} is expected."
         )
     if expected > EXPECTED_SHARE * aim:
-        why += " No settings are expected to err less."
+        why += " No settings are expected to have less error."
     knobs = dict(zip(PRESET_KNOBS, chosen.knobs, strict=True))
     return replace(source, quality=replace(quality, **knobs), plan={"why": why, "aim": aim, "expected": expected})
 

@@ -55,8 +55,8 @@ from .shadows import node_side, shadow_count
 from .source import Source, Work, array_key
 
 ONE_VOXEL_THICK = (
-    "The volume is one voxel thick, and a post-classified medium fills the space between voxel centers: nothing is "
-    "shown; choose the classification pre."
+    "The volume is one voxel thick, so nothing is shown: the classification post fills the space between voxel "
+    "centers; choose the classification pre (Interpolate: Colors)."
 )
 # A wider range that is kept is used as it is while it reaches at most so many times as many blocks of voxels.
 WORTH_KEEPING = 2.0

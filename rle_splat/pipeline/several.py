@@ -25,7 +25,7 @@ VOXELS = 2.0  # depth of a span, in sides of the smallest voxel
 OPAQUE = 1.0 - 1e-7  # an opacity above it has this one's optical depth
 BAND = 1 << 15  # pixels that are mixed at a time, which stay in the processor's cache
 SLICED = "volumes that overlap are rendered in spans of depth"
-LAID = "Volumes that overlap are laid over one another, the nearest first, because"
+LAID = "Overlapping volumes are not mixed but drawn over one another, the nearest on top, because"
 
 
 def several_steps(scenes: list[Scene], make: Callable[[Scene, int], Generator], most_spans: int = MOST_SPANS):

@@ -92,15 +92,15 @@ def test_deleting(volume_object, own, refused):
     bpy.ops.rle_splat.save_own_preset(name="Mine")
     assert bpy.ops.rle_splat.delete_own_preset(name="Mine") == {"FINISHED"}
     assert names(own) == [] and not list(own.folder().iterdir())
-    refused(bpy.ops.rle_splat.delete_own_preset, "no own preset 'Mine'", name="Mine")
-    refused(bpy.ops.rle_splat.apply_own_preset, "no own preset 'Mine'", name="Mine")
+    refused(bpy.ops.rle_splat.delete_own_preset, "no user preset 'Mine'", name="Mine")
+    refused(bpy.ops.rle_splat.apply_own_preset, "no user preset 'Mine'", name="Mine")
 
 
 def test_a_name_is_no_way_out_of_the_folder(volume_object, own, refused, tmp_path):
     (tmp_path / "scripts" / "presets").mkdir(parents=True)
     victim = tmp_path / "scripts" / "presets" / "victim.json"
     victim.write_text("{}")
-    refused(bpy.ops.rle_splat.delete_own_preset, "no own preset", name="../victim")
+    refused(bpy.ops.rle_splat.delete_own_preset, "no user preset", name="../victim")
     assert victim.exists()
 
 

@@ -28,7 +28,7 @@ def test_a_picture_to_a_tolerance_says_so(settings):
     assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
     error = json.loads(settings.last_report_json)["error"]
     assert error["tolerance"] == 2.0 and error["kept"] and error["measured"] <= 2.0 and error["probes"] > 500
-    assert f"{error['sentence']}, against the exact integral" in settings.last_report
+    assert f"{error['sentence']}; the reference is the exact integral" in settings.last_report
     assert scenes.image_pixels(settings.image)[..., 3].max() > 0.2
 
 

@@ -149,7 +149,7 @@ def test_a_mode_shows_what_it_says_whatever_the_classification(picture):
     assert effect["on"] and effect["reason"] == "mode MIP" and effect["ms"] > 0.0
     assert not effects["shading"]["on"] and not np.array_equal(largest, composite)
     by_pre, report = picture("--mode", "mip", "--classification", "pre", "--depth-rule", "slice")
-    assert report["plan"]["classification"] == "post" and any("by post, not by pre" in r for r in report["remarks"])
+    assert report["plan"]["classification"] == "post" and any("post was used, not pre" in r for r in report["remarks"])
     assert np.array_equal(by_pre, picture("--mode", "mip", "--classification", "post", "--depth-rule", "slice")[0])
     assert np.array_equal(picture("--mode", "mip", "--effect", "mode=off")[0], composite)
 

@@ -38,7 +38,7 @@ def test_labels_hide_and_color_what_they_name(picture, labels, write_json):
     np.testing.assert_allclose(rgba[:, 22:, 3], whole[:, 22:, 3], atol=0.02)
     np.testing.assert_allclose(rgba[..., 1], rgba[..., 3], atol=1e-5)
     effect = next(effect for effect in report["effects"] if effect["name"] == "labels")
-    assert effect["reason"] == "1 label(s) with a transfer function, 1 hidden"
+    assert effect["reason"] == "1 segment(s) with a transfer function, 1 hidden"
     assert report["plan"]["classification"] == "post"
 
 
@@ -59,7 +59,7 @@ def test_a_label_by_preset_or_by_function(picture, labels, write_json, function_
     np.testing.assert_allclose(rgba[:, 22:], whole[:, 22:], atol=0.02)
     assert np.abs(rgba - whole).max() > 0.1
     effect = next(effect for effect in report["effects"] if effect["name"] == "labels")
-    assert effect["reason"] == "1 label(s) with a transfer function, 0 hidden", "that of 2 is the volume's own"
+    assert effect["reason"] == "1 segment(s) with a transfer function, 0 hidden", "that of 2 is the volume's own"
 
 
 def test_a_channel_is_added(picture, voxels, tmp_path, write_json):

@@ -70,7 +70,7 @@ def told(scene, name, classification="post"):
         ({}, "mesh occlusion", False, "the scene has no meshes"),
         ({"triangles": BEFORE}, "mesh occlusion", True, "meshes are in or in front of the volume"),
         ({"triangles": BEHIND}, "mesh occlusion", False, "no mesh is in or in front of the volume"),
-        ({}, "clipping", False, "a clip plane of the camera does not cut the volume"),
+        ({}, "clipping", False, "no clip plane of the camera cuts the volume"),
     ],
 )  # fmt: skip
 def test_each_effect_is_on_or_off_for_a_reason(more, name, on, reason):

@@ -114,7 +114,9 @@ def test_what_is_not_reachable_is_said_with_its_floor():
     rendering = render_within(scene_of("narrow", False, 24), 0.01, Quality(classification="pre", record=8), probes=200)
     error = rendering.report["error"]
     assert not error["kept"] and error["floor"] == error["measured"] > 0.01
-    assert any("not reachable for this scene; the floor is" in remark for remark in rendering.report["remarks"])
+    assert any(
+        "cannot be reached in this scene; the smallest error is" in remark for remark in rendering.report["remarks"]
+    )
 
 
 @pytest.fixture
@@ -133,7 +135,7 @@ def test_giving_up_is_not_called_a_floor(hopeful, monkeypatch):
     monkeypatch.setattr("rle_splat.accuracy.planner.tolerance.MOST_ESCALATIONS", 0)
     report = render_within(scene_of("narrow", True), 4.0, Quality(classification="pre"), probes=300).report
     assert not report["error"]["kept"] and len(report["error"]["rounds"]) == 1
-    assert any("was not reached in 1 ever finer pictures" in remark for remark in report["remarks"])
+    assert any("was not reached in 1 pictures with ever finer settings" in remark for remark in report["remarks"])
 
 
 def test_a_plan_that_fails_is_replaced_by_a_finer_one(hopeful):
@@ -192,7 +194,7 @@ def test_a_crop_by_rays_is_a_part_of_the_picture():
 
 def test_a_narrow_function_under_pre_is_told_what_it_needs():
     rendering = render_within(scene_of("narrow", False, 24), 8.0, Quality(classification="pre"), probes=0)
-    assert any("post shows it as it is" in remark for remark in rendering.report["remarks"])
+    assert any("post (Interpolate: Values) does not" in remark for remark in rendering.report["remarks"])
 
 
 def test_a_crop_is_measured_where_it_lies():

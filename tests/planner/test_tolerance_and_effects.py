@@ -50,7 +50,7 @@ WITHOUT_TRUTH = {
     ),
     "mode": (scene_of(mode="mip"), "mode mip"),
     "labels": (scene_of(labels=Labels(Volume((X > 0.5).astype(np.uint8), np.eye(4)), {1: None})), "labels"),
-    "channels": (scene_of(channels=(Channel(VOLUME, FUNCTION),)), "post for channels"),
+    "channels": (scene_of(channels=(Channel(VOLUME, FUNCTION),)), "for channels the classification post"),
     "depth of field": (lens(scene_of()), "depth of field"),
     "motion blur": (moving(scene_of()), "motion blur"),
     "shadows": (scene_of(lights=(SUN,), headlight=False, volume_shadows=True), "without shadows"),
@@ -58,7 +58,7 @@ WITHOUT_TRUTH = {
 }  # fmt: skip
 
 
-BY_POST = "without shadows", "post for channels"  # what is refused with pre alone
+BY_POST = "without shadows", "for channels the classification post"  # what is refused with pre alone
 
 
 @pytest.mark.parametrize("name", WITHOUT_TRUTH)
@@ -96,7 +96,10 @@ def test_a_picture_with_indirect_light_keeps_its_tolerance():
 
 def test_a_mesh_that_is_forced_off_is_no_part_of_what_was_measured():
     triangle = np.array([[(4.0, 8.0, 4.0), (14.0, 8.0, 4.0), (9.0, 8.0, 14.0)]])
-    scene, remark = scene_of(triangles=triangle), "The error was measured where no mesh ends or borders a ray."
+    scene, remark = (
+        scene_of(triangles=triangle),
+        "The error was measured only where no mesh ends a ray or one beside it.",
+    )
     for effects, said in (({}, True), ({"mesh occlusion": False}, False)):
         report = render_within(replace(scene, effects=effects), 8.0, Quality(classification="pre"), probes=200).report
         assert (remark in report["remarks"]) == said
@@ -126,7 +129,7 @@ def test_shadows_that_are_left_out_are_said_to_be(more, left_out):
     found = render_within(scene_of(**{**SHADED, **more}), 8.0, quality, probes=200, leave_out_shadows=True)
     np.testing.assert_array_equal(found.rgba, plain.rgba)
     said = [remark for remark in found.report["remarks"] if "has none" in remark]
-    expected = f"A picture to a maximum error has no {' and no '.join(left_out)}, as the reference"
+    expected = f"A picture with a maximum error has no {' and no '.join(left_out)}, because its"
     assert len(said) == bool(left_out) and all(remark.startswith(expected) for remark in said)
     for row in found.report["effects"]:
         if row["name"] in ("shadows", "ambient occlusion"):

@@ -188,7 +188,9 @@ def test_other_pictures_that_are_left_out_are_told(tmp_path: Path):
     phantoms.write_classic(tmp_path, phantoms.geometry("one", (1, 0, 0), (0, 0, -1), [0.0]), first=90)
     volume = read_volume(tmp_path)
     assert error_of(volume) <= 0.05 + 1e-6
-    assert volume.remarks == ("1 other series with fewer than 3 slices was left out; --series chooses one.",)
+    assert volume.remarks == (
+        "1 other series with fewer than 3 slices was left out; choose one with Series (--series).",
+    )
     assert "single picture" in refusal(tmp_path, series=2)
 
 

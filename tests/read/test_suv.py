@@ -94,7 +94,7 @@ def test_without_it_values_stay_and_a_remark_says_why(tmp_path: Path, changes, u
     volume = pet(tmp_path, **changes)
     assert (volume.value_unit, volume.slope) == (unit, phantoms.PLAIN.slopes[0])
     (remark,) = volume.remarks
-    assert word in remark and "they stay" in remark and "70" not in remark
+    assert word in remark and "stored values are used" in remark and "70" not in remark
 
 
 @pytest.mark.parametrize(("kind", "unit"), [(None, "SUVbw"), ("BW", "SUVbw"), ("LBM", "g/ml")])

@@ -262,7 +262,7 @@ def test_nothing_left_is_a_transparent_picture_and_says_so(stage, classification
     scene = stage.on_turntable(0.6 * FIELD, size=(24, 20), clips=(Clip("box", placed((60.0, 6.5, 6.5))),))
     picture = stage.render(scene, classification=classification, depth_rule=RULES[classification])
     assert not picture.rgba.any()
-    assert any("clip objects leave" in remark for remark in picture.report["remarks"])
+    assert any("cutting objects leave" in remark for remark in picture.report["remarks"])
 
 
 @pytest.mark.parametrize("mode", ("mip", "minip", "average"))

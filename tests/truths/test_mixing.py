@@ -76,7 +76,7 @@ def test_each_label_has_its_own_slab(stage, kind):
     np.testing.assert_allclose(middle(picture.rgba)[3], expected[3], atol=0.05 * LEVEL)
     np.testing.assert_allclose(middle(picture.rgba), expected, atol=1.0 * LEVEL)
     effect = next(effect for effect in picture.report["effects"] if effect["name"] == "labels")
-    assert effect["on"] and effect["reason"] == "1 label(s) with a transfer function, 1 hidden" and effect["ms"] > 0.0
+    assert effect["on"] and effect["reason"] == "1 segment(s) with a transfer function, 1 hidden" and effect["ms"] > 0.0
 
 
 @pytest.mark.parametrize("kind", (np.uint8, np.int16))

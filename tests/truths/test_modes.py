@@ -296,7 +296,7 @@ def test_the_modes_look_at_no_gradients_and_no_light_and_post_is_taken_where_it_
     cache = StageCache()
     pre = render(scene, Quality(classification="pre", kernel="bspline2"), cache=cache)
     assert not {"normals", "light", "lights", "table", "properties"} & set(cache.made)
-    assert "The mode mip shows values, so it was rendered by post, not by pre." in pre.report["remarks"]
+    assert "The mode mip shows values, so the classification post was used, not pre." in pre.report["remarks"]
     assert pre.report["plan"]["classification"] == "post"
     same = render(scene, Quality(classification="post"), cache=cache)
     np.testing.assert_array_equal(pre.rgba, same.rgba)

@@ -83,7 +83,7 @@ def test_two_boxes_that_overlap_have_the_light_of_the_paper(box):
     # Nearest first is another picture by far.
     laid = picture([near, far], most_spans=1)
     assert np.abs(laid.rgba - found.rgba)[5:11, 5:11].max() > 4.0 / 255.0
-    assert any("laid over one another" in remark for remark in laid.report["remarks"])
+    assert any("drawn over one another" in remark for remark in laid.report["remarks"])
 
 
 def test_volumes_are_mixed_in_bands_of_rows(box, monkeypatch):
@@ -163,7 +163,7 @@ def test_overlapping_volumes_in_motion_are_laid_over_one_another(box):
     near, far = box((0, 0, 5), 0.3, RED), box((0, 0, 0), 0.2, BLUE)
     still = tuple(Pose(near.camera.matrix_world, near.volume_matrix) for _ in range(2))
     found = picture([replace(near, motion=still), far])
-    assert "the nearest first, because motion blur is on." in found.report["remarks"][-1]
+    assert "the nearest on top, because motion blur is on." in found.report["remarks"][-1]
     np.testing.assert_allclose(found.rgba[8, 8], over((0.3 * N, RED), (0.2 * N, BLUE)), atol=0.5 / 255.0)
 
 

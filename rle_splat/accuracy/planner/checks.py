@@ -47,15 +47,17 @@ def check_tolerance_applies(scene: Scene, quality: Quality) -> None:
     _refuse_light(scene)
     if lacks_channels(scene, quality):
         raise RleSplatError(
-            "A tolerance is measured against a reference without labels, and with channels only for the classification "
-            "post; choose a quality for labels, and post for channels."
+            "A tolerance cannot be met with labels, or with channels and the classification pre, because there is no "
+            "reference for them; choose a quality, or for channels the classification post."
         )
     if scene.mist is not None:
         raise RleSplatError("A tolerance cannot be met in mist, for which there is no reference; turn the mist off.")
     if scene.ray_ends is not None:
         raise RleSplatError("A tolerance cannot be met where ray ends stand for meshes; give triangles.")
     if scene.transfer_function.gradient_opacity is not None:
-        raise RleSplatError("A tolerance cannot be met with a gradient_opacity, for which there is no reference.")
+        raise RleSplatError(
+            "A tolerance cannot be met with a gradient_opacity, for which there is no reference; turn it off."
+        )
     if lacks_shadows(scene, quality):
         raise RleSplatError(
             "A tolerance can only be met without shadows with the classification pre, whose reference has none; turn "
@@ -86,8 +88,8 @@ def measurable_scene(scene: Scene, quality: Quality) -> Scene:
     _refuse_light(scene)
     if lacks_channels(scene, quality):
         raise RleSplatError(
-            "Accuracy is measured without labels, and with channels only for the classification post; take the labels "
-            "out of the scene, or choose post."
+            "Accuracy cannot be measured with labels, or with channels and the classification pre; take the labels out "
+            "of the scene, or choose post (Interpolate: Values)."
         )
     if lacks_shadows(scene, quality):
         raise RleSplatError(

@@ -9,11 +9,11 @@ from .choose import Choice
 from .session import PlannerSession
 from .single_rays import with_rays
 
-CHOSEN = "The fastest plan that is expected to stay within the tolerance."
-KEPT = "The plan of the frame before, since it is expected to stay within the tolerance."
+CHOSEN = "The fastest settings that are expected to stay within the tolerance are used."
+KEPT = "The settings of the previous frame are kept, as they are expected to stay within the tolerance."
 BLURS = (
-    "The classification pre interpolates classified voxels, which blurs and widens what the transfer function shows "
-    "between the values of neighboring voxels; post shows it as it is."
+    "The classification pre (Interpolate: Colors) blurs and widens what the transfer function shows between the values "
+    "of neighboring voxels; post (Interpolate: Values) does not."
 )
 STRICTEST = 0.05  # levels: below this, sheets of 32-bit floats and the eye show no difference
 
@@ -99,8 +99,8 @@ def with_report(
     remarks = [*best.rendering.report["remarks"], *_remarks(session, error, gave_up, margin)]
     if left_out:
         remarks.append(
-            f"A picture to a maximum error has no {' and no '.join(left_out)}, as the reference that it is measured "
-            "against has none; choose the classification post, or render by a quality alone."
+            f"A picture with a maximum error has no {' and no '.join(left_out)}, because its reference has none; set "
+            "Interpolate to Values (classification post), or use a quality without a maximum error."
         )
     report = best.rendering.report
     is_kept = earlier is not None and all(getattr(best.choice.plan, knob) == earlier[knob] for knob in KEPT_KNOBS)
@@ -166,11 +166,13 @@ def _remarks(session: PlannerSession, error: dict, gave_up: bool, margin: float)
     if not error["kept"]:
         times = f"{margin:g} times what was " if margin > 1.0 else ""
         how = f"{times}measured" if error["measured"] is not None else "predicted"
-        found = "is not reachable for this scene; the floor is"
+        found = "cannot be reached in this scene; the smallest error is"
         if gave_up:
-            found = f"was not reached in {len(error['rounds'])} ever finer pictures; their least error is"
+            found = (
+                f"was not reached in {len(error['rounds'])} pictures with ever finer settings; the smallest error is"
+            )
         remarks.append(
-            f"A largest error of {tolerance:g} level{'' if tolerance == 1 else 's'} {found} "
+            f"A largest error of {tolerance:g} step{'' if tolerance == 1 else 's'} of an 8-bit picture {found} "
             f"{figure_text(error['floor'])}, {how} against the reference {error['truth']}."
         )
     elif tolerance < STRICTEST:
@@ -178,5 +180,5 @@ def _remarks(session: PlannerSession, error: dict, gave_up: bool, margin: float)
     if error["measured"] is None:
         remarks.append("The error is predicted and was not measured.")
     if triangles is not None and len(triangles) and error["measured"] is not None:
-        remarks.append("The error was measured where no mesh ends or borders a ray.")
+        remarks.append("The error was measured only where no mesh ends a ray or one beside it.")
     return remarks

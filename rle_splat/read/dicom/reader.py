@@ -131,7 +131,7 @@ def read_dicom_steps(path, series=None, frame=None, spacing=None, series_key=Non
             *_files_left_out(found, first.series.key),
             *_slices_left_out(groups, group, named=bool(series or series_key)),
             *group.remarks, *_remarks(group, stack, mapping, padded),
-            *((f"The values are no SUV, because {reason}; they stay as they are stored.",) if reason else ()),
+            *((f"The values are not SUV, because {reason}; the stored values are used.",) if reason else ()),
             *frame_remark(number, len(group.frames), group.axis),
         ),
     )  # fmt: skip
@@ -230,7 +230,7 @@ def _slices_left_out(groups, group: Group, named: bool) -> list[str]:
     if further:
         were = "was" if further == 1 else "were"
         fewer = f"with fewer than {ENOUGH_SLICES} slices"
-        remarks.append(f"{further} other series {fewer} {were} left out; --series chooses one.")
+        remarks.append(f"{further} other series {fewer} {were} left out; choose one with Series (--series).")
     return remarks
 
 
