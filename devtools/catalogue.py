@@ -18,7 +18,7 @@ HEAD = """# Hard cases, and what holds in each
 
 `python3 dev.py test --catalogue` writes this page from the tests in `tests/stability`; do not edit it by hand. Each
 line is one bound that a test asserts: the case, what is bounded, the bound, and the largest figure measured in 32-bit
-sums and in the 64-bit sums of pictures of more than 16,384 sheets. "-" stands where sums are not the matter. A test
+sums and in the 64-bit sums of pictures of more than 16,384 sheets. "-" marks cases without sums. A test
 whose figure exceeds its bound fails, and no page is written. The ids are those of
 [the algorithm](algorithm.md#3-numerical-stability).
 

@@ -58,11 +58,11 @@ def cortex(stage: Stage):
 # Of the PET, lengths in mm.
 SUV = 6.0  # which is black
 ASIDE, NEAR = 440.0, Vector((870.0, 0.0, 81.0))  # from the body to its duplicates: from the right side, and the neck
-LARGER, NECK, HALF = 3.0, Vector((-15.0, 0.0, 334.0)), Vector((75.0, 140.0, 110.0))  # the part of the body that is neck
+LARGER, NECK, HALF = 4.1, Vector((-15.0, 0.0, 364.0)), Vector((55.0, 140.0, 80.0))  # the part of the body that is neck
 # Segments of the file with name, color, where the name stands from the middle of the neck, and where its line ends.
 TUMORS = (
-    (1, "Primary tumor", (0.85, 0.12, 0.02), (125.0, 366.0), (12.0, 186.0)),
-    (2, "Metastasis", (0.02, 0.2, 0.8), (-125.0, 366.0), (-83.0, 218.0)),
+    (1, "Primary tumor", (0.85, 0.12, 0.02), (125.0, 366.0), (22.0, 140.0)),
+    (2, "Metastasis", (0.02, 0.2, 0.8), (-125.0, 366.0), (-113.0, 184.0)),
 )
 
 
@@ -75,7 +75,7 @@ def _surface(stage: Stage, label: int, coat):
     made = bpy.context.view_layer.objects.active
     made.data.materials.clear()
     made.data.materials.append(coat)
-    made.modifiers.new("Round", "SUBSURF").render_levels = 2  # a voxel is as large as 10 pixels
+    made.modifiers.new("Cage", "WIREFRAME").thickness = 0.45 * MM  # its uptake is seen
     return made
 
 
@@ -146,8 +146,13 @@ def pet(stage: Stage):
         ("R", NEAR.x - width - 22, NEAR.z + 100), ("L", NEAR.x + width + 22, NEAR.z + 100),
     ):  # fmt: skip
         letters(body, to(x, y), 36 * MM, black)
+    corners = [
+        to(NECK.x + x * HALF.x, NECK.z + z * HALF.z).translation for x, z in ((-1, -1), (1, -1), (1, 1), (-1, 1))
+    ]
+    for begin, end in zip(corners, (*corners[1:], corners[0])):
+        rod("Neck", begin, end, 1.2 * MM, black)
     scale_bar("100 mm", to(-240, -435), 100 * MM, 28 * MM, black)
-    scale_bar("30 mm", to(NEAR.x - width + 45, NEAR.z - height - 60), LARGER * 30 * MM, 28 * MM, black)
+    scale_bar("30 mm", to(NEAR.x - width + 62, NEAR.z - height - 60), LARGER * 30 * MM, 28 * MM, black)
     _color_bar(to(NEAR.x, -405), 420 * MM, 30 * MM, 28 * MM, black)
     for (_, name, _, (x, y), (end_x, end_y)), coat in zip(TUMORS, coats):
         x, y, end_x, end_y = x + NEAR.x, y + NEAR.z, end_x + NEAR.x, end_y + NEAR.z

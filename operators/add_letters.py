@@ -6,12 +6,12 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
-from ..bridge import linked, versions
 from ..bridge.data.settings import scene_scale_of
-from ..bridge.live import bars, letters, slices
+from ..bridge.live import bars, letters
 from ..bridge.volumes import attached, box, volumes
 from ..rle_splat.scene import RleSplatError
 from .add_clip import fitted
+from .letter_objects import add_object, depths_of, new_emission, new_text, plane_before
 from .reading import LoadsFirst
 from .refusal import refuse
 from .through_camera import has_volume_and_camera
@@ -33,21 +33,15 @@ class RLE_SPLAT_OT_add_letters(LoadsFirst, bpy.types.Operator):
 
     def execute(self, context):
         owner, scene, camera = volumes.volume_object(context), context.scene, context.scene.camera
-        frame, corners = camera.matrix_world.normalized(), box.world_corners(owner).tolist()
-        depths = [-(frame.inverted() @ Vector(corner)).z for corner in corners]
+        frame = camera.matrix_world.normalized()
+        depths = depths_of(frame, box.world_corners(owner))
         if not depths or min(depths) + max(depths) <= 0.0:
             return refuse(self, "The camera does not see the volume; turn it to the volume.")
-        for one in [one for one in scene.objects if one.get(letters.MARK) == owner.name]:
+        for one in [one for one in scene.objects if one.get(letters.MARK) == owner.name and letters.SEGMENT not in one]:
             bpy.data.objects.remove(one)
-        material = _emission()
+        material = new_emission()
         for name, data, parent, matrix in (*_letters(owner, scene, frame), *_bar(owner, scene, frame, depths)):
-            one = bpy.data.objects.new(name, data)
-            one[letters.MARK] = owner.name
-            data.materials.append(material)
-            linked.put_into_scene(context, one)
-            for ray in slices.LAMPS:
-                setattr(one, ray, False)
-            attached.attach(one, parent, matrix)
+            one = add_object(context, name, data, material, owner, parent, matrix)
             if parent == owner:
                 one.constraints.new("COPY_ROTATION").target = camera
         return {"FINISHED"}
@@ -83,7 +77,7 @@ def _letters(owner, scene, frame):
                     for n, way in enumerate(toward) if way]  # fmt: skip
             room = min(ends)  # to the picture's edge
             place = frame @ (middle + (min(reach, room) if room > 0.0 else reach) * toward.to_3d())
-            yield letter, _text(letter), owner, Matrix.Translation(place) @ turn
+            yield letter, new_text(letter), owner, Matrix.Translation(place) @ turn
 
 
 def _visible_corners(owner, scene) -> np.ndarray:
@@ -100,35 +94,17 @@ def _visible_corners(owner, scene) -> np.ndarray:
 def _bar(owner, scene, frame, depths):
     """Yield name, mesh or text, parent and matrix of a bar and of its length, at the lower left before the volume."""
     high, _, low, _ = scene.camera.data.view_frame(scene=scene)
-    distance = max(0.9 * min(depths), 1.01 * scene.camera.data.clip_start)
     in_perspective = scene.camera.data.type != "ORTHO"
     a_unit = scene_scale_of(scene, owner.rle_splat.length_unit)  # of length in the middle of the volume, as seen
     if in_perspective:
         a_unit *= -2.0 * low.z / (min(depths) + max(depths))
     width, size = high.x - low.x, SIZE * (high.y - low.y)
     length = bars.length_of_bar(a_unit, LONGEST * width)
-    corner = frame @ Matrix.Translation((0.0, 0.0, -distance))
-    corner @= Matrix.Scale(-distance / low.z if in_perspective else 1.0, 4)
+    corner = plane_before(scene, frame, depths)
     corner @= Matrix.Translation((low.x + MARGIN * width, low.y + MARGIN * width, 0.0))
     mesh = bpy.data.meshes.new("Scale Bar")
     mesh.from_pydata([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], [], [(0, 1, 2, 3)])
     yield "Scale Bar", mesh, scene.camera, corner @ Matrix.Diagonal((length * a_unit, 0.15 * size, 1.0, 1.0))
     title = f"{length:g} {owner.rle_splat.length_unit}"
     above = Matrix.Translation((0.0, 0.9 * size, 0.0)) @ Matrix.Scale(0.8 * size, 4)
-    yield title, _text(title, "LEFT"), scene.camera, corner @ above
-
-
-def _text(body: str, align: str = "CENTER"):
-    curve = bpy.data.curves.new(body, "FONT")
-    curve.body, curve.align_x, curve.align_y = body, align, "CENTER"
-    return curve
-
-
-def _emission():
-    """A white material, whatever the light."""
-    material = bpy.data.materials.new("Letters")
-    tree = versions.material_tree(material)
-    tree.nodes.clear()
-    emission, output = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("Emission", "OutputMaterial"))
-    tree.links.new(emission.outputs[0], output.inputs["Surface"])
-    return material
+    yield title, new_text(title, "LEFT"), scene.camera, corner @ above

@@ -62,6 +62,7 @@ def _draw_files(layout) -> None:
     row.operator("rle_splat.extract_surface", icon="MESH_ICOSPHERE")
     layout.operator("rle_splat.bake_volume", icon="VOLUME_DATA")
     layout.operator("rle_splat.add_letters", icon="FONT_DATA")
+    layout.operator("rle_splat.add_names", icon="OUTLINER_OB_FONT")
 
 
 def _draw_quality(context, layout) -> None:

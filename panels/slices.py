@@ -30,12 +30,11 @@ class RLE_SPLAT_PT_slices(Sidebar, bpy.types.Panel):
             return
         for one in found:
             halves = layout.split(factor=0.5, align=True)
-            halves.operator(
-                "rle_splat.choose_object", text=_short_name(one), icon="MESH_PLANE", emboss=False
-            ).name = one.name
-            row = halves.row(align=True)
             unit = one.parent.rle_splat.length_unit if one.parent is not None else ""
-            row.prop(one.rle_splat, "slice_position", text=unit, translate=False)
+            name = with_unit(_short_name(one), unit)
+            halves.operator("rle_splat.choose_object", text=name, icon="MESH_PLANE", emboss=False).name = one.name
+            row = halves.row(align=True)
+            row.prop(one.rle_splat, "slice_position", text="")
             row.prop(one, "hide_viewport", text="")
             row.prop(one, "hide_render", text="")
             problem = slice_pictures.problem_of(one)

@@ -26,7 +26,8 @@ ALONG = 0.75  # cosine with the view above which letters lie in front of the vol
 BESIDE, FAINT = 0.2, 0.3  # cosine up to which they stand beside it; opacity of a letter that is behind it, else
 APART = 0.04  # distance from the face, as a fraction of the box's length along that axis
 FONT = 0  # Blender's own
-MARK = "rle_splat_letters"  # custom property of letters that are objects: the name of the volume that they are for
+MARK = "rle_splat_letters"  # custom property of lettering that is objects: the name of the volume that it is for
+SEGMENT = "rle_splat_segment"  # of the names of segments: the number of theirs
 
 
 def placed_letters(volume_object, part=None) -> list:

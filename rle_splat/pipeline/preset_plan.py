@@ -13,6 +13,7 @@ from dataclasses import replace
 from functools import partial
 
 from ..classify.roughness import roughness
+from ..runtime.figures import figure_text
 from ..scene import MODES, NO_RAYS, PRESET_AIMS, PRESET_KNOBS, Quality, Scene
 from .choose_source import choose_source
 from .plan_model import PresetPlan, preset_plans
@@ -61,12 +62,12 @@ def choose_plan(source: Source, cache: StageCache) -> Source:
     usual, chosen = choose(own, aim, rough, can_trace(source))
     expected = chosen.error(rough)
     if chosen.knobs == own:
-        why = f"{said}; an error of {expected:.2g} is expected with its usual settings."
+        why = f"{said}; an error of {figure_text(expected)} is expected with its usual settings."
     else:
         why = (
-            f"{said}. With its usual settings an error of "
-            f"{usual.error(rough):.2g} is expected, because edges are sharp here ({rough:.2g} steps within half a "
-            f"voxel). With {chosen.describe()}, an error of {expected:.2g} is expected."
+            f"{said}. With its usual settings an error of {figure_text(usual.error(rough))} is expected, because edges "
+            f"are sharp here ({figure_text(rough)} steps within half a voxel). With {chosen.describe()}, an error of "
+            f"{figure_text(expected)} is expected."
         )
     if expected > EXPECTED_SHARE * aim:
         why += " No settings are expected to have less error."

@@ -58,7 +58,7 @@ def scenario():
     view.region_3d.view_perspective = "CAMERA"
     view.shading.type = "MATERIAL"
     view.shading.use_scene_lights = view.shading.use_scene_world = True
-    view.overlay.show_extras = view.overlay.show_relationship_lines = False
+    view.overlay.show_overlays = False
     yield
     with in_the_view():
         bpy.ops.view3d.view_center_camera()

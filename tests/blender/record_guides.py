@@ -12,6 +12,7 @@ import os
 import shutil
 import subprocess
 import tempfile
+from importlib import import_module
 from math import radians
 from pathlib import Path
 
@@ -41,18 +42,10 @@ BEATING, PANEL, REPORT = "280x330+380+230", "260x330+990+448", "945x695+310+82"
 RAW, AORTA = "cthead_256x256x113_uint16be.raw.gz", "cta_aorta_labels"
 FOOT, HEAD_MR = "foot_256x256x256_uint8_fromjpeg.raw.gz", "t1_head_188x256x190_uint8.nii.gz"
 SCANS = Path("/scans")  # of the small system: a path that a reader could have
-COLUMN, GAP, LETTER = 0.17, 0.008, 0.026  # of names: from the middle, to the line, and their size, in widths
-NEARER = "0.15"  # m that a name is brought nearer to the camera, as it is typed
-KEYS = {".": "PERIOD", "0": "ZERO", "1": "ONE", "5": "FIVE"}  # of Blender, for what is typed
 PANELS = ("transfer", "slices", "shading")  # that are open
-# Of the tutorial on organs: the slice's place in mm and its level and window in HU; of each name the place that its
-# line leads to, in meters from the middle of the scan, and whether it stands on the left or on the right.
+# Of the tutorial on organs: the slice's place in mm and its level and window in HU.
+BELOW = "superior_mesenteric_artery"  # the slice
 GROUND, VESSEL_WINDOW, VIOLET = -112.0, (150.0, 900.0), (0.22, 0.1, 0.42)
-NAMES = (
-    ("Brachiocephalic trunk", (-0.038, -0.018, 0.092), -1.0), ("Ascending aorta", (-0.020, -0.030, 0.040), -1.0),
-    ("True lumen", (-0.006, 0.018, -0.056), -1.0), ("False lumen", (0.018, 0.060, 0.020), 1.0),
-    ("T12", (-0.002, 0.080, -0.097), 1.0),
-)  # fmt: skip
 
 
 def keep(name: str, part: str = ""):
@@ -229,6 +222,47 @@ def surface():
     passed("surface")
 
 
+def live():
+    """A head cut open, with an electrode of meshes in it, in Material Preview."""
+    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_clip_objects")
+    volume = yield from imported("mr-head", HEAD_MR)
+    bare()
+    volume.rle_splat.smoothness, bpy.context.scene.rle_splat.quality = 2.0, "fine"
+    look_from(64.0, 40.0, 0.5)
+    corners = import_module(f"{MODULE}.bridge.volumes.box").world_corners(volume)
+    middle_of, half = Vector(corners.mean(axis=0)), Vector(np.ptp(corners, axis=0)) / 2
+    with in_the_view():
+        activate(volume)
+        assert bpy.ops.rle_splat.add_clip(kind="BOX", keep="OUTSIDE") == {"FINISHED"}
+    box = bpy.context.view_layer.objects.active
+    box.matrix_world = Matrix.LocRotScale(middle_of + Vector((half.x, -half.y, half.z)), None, half)
+    tip = middle_of + Vector((0.012, -0.012, 0.012))
+    for name, radius, length, color in (
+        ("Lead", 0.0012, 0.14, (0.9, 0.92, 0.95)),
+        ("Contact", 0.0022, 0.012, (1.0, 0.3, 0.05)),
+    ):
+        with in_the_view():
+            bpy.ops.mesh.primitive_cylinder_add(radius=radius, depth=length)
+        one = bpy.context.view_layer.objects.active
+        one.name = name
+        along = Vector((0.35, -0.45, 0.8)).normalized()
+        one.matrix_world = (
+            Matrix.Translation(tip + along * length / 2) @ along.to_track_quat("Z", "Y").to_matrix().to_4x4()
+        )
+        material = bpy.data.materials.new(name)
+        material.diffuse_color = (*color, 1.0)
+        material.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (*color, 1.0)
+        one.data.materials.append(material)
+        one.select_set(False)
+    activate(volume)
+    box.select_set(False)
+    box.hide_set(True)  # with its handles
+    area_of("VIEW_3D").spaces.active.shading.color_type = "MATERIAL"
+    yield from settled()
+    yield from keep("how-to-live")
+    passed("live")
+
+
 def pinned():
     open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_picture")
     volume = yield from imported("mr-head", HEAD_MR)
@@ -257,7 +291,7 @@ def pinned():
 
 def raw_file():
     yield from begin()
-    SCANS.mkdir(parents=True)
+    SCANS.mkdir(parents=True, exist_ok=True)
     with in_the_view():
         bpy.ops.rle_splat.import_volume("INVOKE_DEFAULT", filepath=shutil.copy(DATA / RAW, SCANS))
     yield from wait_for_rest()
@@ -272,7 +306,7 @@ def masks() -> Path:
     import nibabel  # the extension brings it
 
     folder = SCANS / "segmentations"
-    folder.mkdir(parents=True)
+    folder.mkdir(parents=True, exist_ok=True)
     for path in (DATA / AORTA).glob("mask_*.nii.gz"):
         shutil.copyfile(path, folder / path.name.removeprefix("mask_"))
     both = nibabel.load(DATA / AORTA / "labels_true_false_lumen_uint8.nii.gz")
@@ -291,33 +325,6 @@ def lamp(kind: str, name: str, energy: float, place, **settings) -> None:
     made = bpy.data.objects.new(name, data)
     bpy.context.scene.collection.objects.link(made)
     made.matrix_world = Matrix.Translation(place) @ Vector(place).to_track_quat("Z", "Y").to_matrix().to_4x4()
-
-
-def write_name(camera, body: str, place, side: float) -> None:
-    """A name at the left or right, and a level line from it to a place, nearer to the camera than the scan's middle."""
-    depth = camera.matrix_world.translation.length - float(NEARER)
-    width = depth * camera.data.sensor_width / camera.data.lens
-    into = camera.matrix_world.inverted() @ place
-    end = into * (depth / -into.z)
-    begin = Vector((side * COLUMN * width, end.y, -depth))
-    with in_the_view():
-        bpy.ops.object.text_add(align="VIEW")
-    text = bpy.context.view_layer.objects.active
-    text.name = text.data.body = body
-    text.data.align_x, text.data.align_y = "RIGHT" if side < 0.0 else "LEFT", "CENTER"
-    text.matrix_world = (camera.matrix_world @ Matrix.Translation(begin + Vector((side * GAP * width, 0.0, 0.0)))
-                         @ Matrix.Scale(LETTER * width, 4))  # fmt: skip
-    curve = bpy.data.curves.new(f"Line to {body}", "CURVE")
-    curve.dimensions, curve.bevel_depth = "3D", 0.0008 * width
-    curve.splines.new("POLY").points.add(1)
-    for point, at in zip(curve.splines[0].points, (begin, end)):
-        point.co = (*(camera.matrix_world @ at), 1.0)
-    line = bpy.data.objects.new(curve.name, curve)
-    bpy.context.scene.collection.objects.link(line)
-    for one in (text, line):
-        one.data.materials.append(bpy.data.materials["Letters"])
-        one.visible_shadow = False
-        one.select_set(False)
 
 
 def tutorial_of_organs():
@@ -348,7 +355,8 @@ def tutorial_of_organs():
     ours = volume.rle_splat
     false = next(n for n, row in enumerate(ours.labels) if row.label_name == "aorta_false_lumen")
     ours.active_label, ours.labels[false].color = false, VIOLET
-    next(row for row in ours.labels if row.label == 0).show = False
+    for row in ours.labels:
+        row.show = row.label != 0 and row.label_name != BELOW
     yield from settled()
     yield from keep("alone", ORGANS)
     beside("how-to-isolate", "whole", "alone")
@@ -377,8 +385,8 @@ def tutorial_of_organs():
         assert bpy.ops.rle_splat.composite() == {"FINISHED"}
         assert bpy.ops.rle_splat.add_letters() == {"FINISHED"}
     volume.select_set(False)
-    for body, place, side in NAMES:
-        write_name(camera, body, Vector(place), side)
+    with in_the_view():
+        assert bpy.ops.rle_splat.add_names() == {"FINISHED"}
     view.overlay.show_overlays = False
     activate(volume)
     yield from settled()
@@ -408,101 +416,6 @@ def ventricle(phase: float, side: int = 96) -> np.ndarray:
     inner = np.sqrt((x**2 + y**2) / (0.47 - 0.22 * phase) ** 2 + ((z - 0.35) / (1.0 - 0.25 * phase)) ** 2)
     wall = np.minimum(np.minimum(1.0 - outer, inner - 1.0) * 0.5, 0.45 - 0.1 * phase - z)
     return np.rint(250.0 / (1.0 + np.exp(-60.0 * wall))).astype(np.uint8)
-
-
-def keys(text: str, at, **held):
-    """Press keys one after the other, as a person types them over the viewport."""
-    for letter in text:
-        name = KEYS.get(letter, letter.upper())
-        for value in ("PRESS", "RELEASE"):
-            typed = {"unicode": letter} if value == "PRESS" and not held else {}
-            window().event_simulate(type=name, value=value, x=int(at[0]), y=int(at[1]), **held, **typed)
-        yield
-
-
-def transform(letters: str, begin, end):
-    """Transform the selected object by keys such as SXX and the mouse, from one pixel to another."""
-    before = bpy.context.view_layer.objects.active.matrix_world.copy()
-    simulate("MOUSEMOVE", "NOTHING", begin)
-    yield
-    yield from keys(letters, begin)
-    for part in (0.5, 1.0):
-        simulate("MOUSEMOVE", "NOTHING", [a + part * (b - a) for a, b in zip(begin, end, strict=True)])
-        yield
-    yield from press("LEFTMOUSE", end)
-    yield
-    assert bpy.context.view_layer.objects.active.matrix_world != before, letters
-
-
-def nearer(camera):
-    """Move the selected object along the view, toward the camera, by GZZ and a number."""
-    one = bpy.context.view_layer.objects.active
-    depth = (camera.matrix_world.inverted() @ one.matrix_world.translation).z
-    yield from keys(f"gzz{NEARER}", middle())
-    yield from press("RET", middle())
-    yield
-    moved = (camera.matrix_world.inverted() @ one.matrix_world.translation).z - depth
-    assert abs(moved - float(NEARER)) < 1e-4, moved
-
-
-def named():
-    """A name with its line, by the steps of the guide: from the text on by simulated keys and mouse."""
-    volume = yield from skull()
-    scene, view = bpy.context.scene, area_of("VIEW_3D").spaces.active
-    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
-    camera.data.clip_start, camera.data.sensor_width = 0.01, 72.0  # that of a viewport
-    scene.collection.objects.link(camera)
-    scene.camera, camera.matrix_world = camera, view.region_3d.view_matrix.inverted()
-    scene.render.resolution_x, scene.render.resolution_y = 800, 600
-    yield from press("NUMPAD_0", middle())
-    yield from until(lambda: view.region_3d.view_perspective == "CAMERA")
-    box = volume.instance_collection.objects[0]
-    at = sum((volume.matrix_world @ box.matrix_world @ corner.co for corner in box.data.vertices), Vector()) / 8
-    with in_the_view():
-        bpy.ops.view3d.view_center_camera()
-        assert bpy.ops.rle_splat.add_letters() == {"FINISHED"}
-        bpy.ops.object.text_add(radius=0.01, align="VIEW", location=at)
-    text = bpy.context.view_layer.objects.active
-    yield from press("TAB", middle())
-    yield from keys("a", middle(), ctrl=True)
-    yield from keys("Orbit", middle())
-    yield from press("TAB", middle())
-    assert (text.mode, text.data.body) == ("OBJECT", "Orbit"), (text.mode, text.data.body)
-    yield from transform("g", middle(), middle(138.0, -85.0))
-    yield from nearer(camera)
-    with in_the_view():
-        bpy.ops.curve.primitive_nurbs_path_add(radius=0.02, align="VIEW", location=at)
-    line = bpy.context.view_layer.objects.active
-    line.data.bevel_depth = 0.0005
-    yield from nearer(camera)
-    yield from transform("sxx", middle(300.0), middle(145.0))
-    yield from transform("r", middle(300.0), middle(300.0, -15.0))
-    yield from transform("g", middle(), middle(167.0, -167.0))
-    for one in (text, line):
-        one.data.materials.append(bpy.data.materials["Letters"])
-        one.visible_shadow = False
-    places = [one.matrix_world.copy() for one in (text, line)]
-    for one in scene.objects:
-        one.select_set(one in (text, line, camera))
-    activate(camera)
-    yield from keys("p", middle(), ctrl=True)
-    yield
-    yield from press("DOWN_ARROW", middle())
-    yield from press("RET", middle())  # Object (Keep Transform)
-    yield
-    assert text.parent == line.parent == camera
-    for one, place in zip((text, line), places, strict=True):
-        np.testing.assert_allclose(one.matrix_world, place, atol=1e-6)
-        one.select_set(False)
-    camera.select_set(False)
-    activate(volume)
-    view.shading.type, view.overlay.show_extras = "MATERIAL", False
-    view.overlay.show_floor = view.overlay.show_axis_x = view.overlay.show_axis_y = False
-    yield from settled()
-    yield from keep("names-first")  # the shaders of the materials are made
-    yield from settled()
-    yield from keep("how-to-names")
-    passed("names")
 
 
 def in_time():
@@ -571,7 +484,7 @@ def scenario():
 
 
 PARTS = (
-    curve, window_tool, set_up_slices, smoothness, table, surface, raw_file, pinned, tutorial_of_organs, in_time,
-    reported, named,
+    curve, window_tool, set_up_slices, smoothness, table, surface, raw_file, live, pinned, tutorial_of_organs, in_time,
+    reported,
 )  # fmt: skip
 drive(scenario)

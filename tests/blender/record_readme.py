@@ -1,6 +1,6 @@
 """A recording for the README in a real window, by simulated mouse and keys: import, preset, a cut, a slice, F12.
 
-    python3 dev.py blender --photograph tests/blender/record_readme.py --size 1024x700
+    python3 dev.py blender --photograph tests/blender/record_readme.py --size 920x700
 
 writes recording.webp, and pictures of the how-to guides, into build/window-shots/record_readme.  The scan is that of
 tests/blender/data/scan, files named *.dcm, if there is such a folder, else the practice CT.  An arrow is drawn where
@@ -42,22 +42,21 @@ SCAN = Path(__file__).parent / "data" / "scan"
 SHOWN = Path("/scans/Head CT")  # of the small system: a path that a reader could have
 FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_recording_"))
 CENTISECONDS, HOLD = 7, 20  # of a frame; frames for which a step stands still
-WIDTH, QUALITY = 920, 84
+QUALITY = 84
 FONT = "/usr/share/fonts/truetype/dejavu/DejaVuSans.ttf"
 ARROW = ((0, 0), (0, 17), (4, 13), (7, 20), (10, 19), (7, 12), (12, 12))  # pixels from the mouse, down
 STEPS, COLUMN, DOWN = 22, 82, 12  # of a drag; pixels between buttons of presets; turns of the wheel to Cut, then Slices
 TOWARD = (-1.5, -1.55, 0.66)  # where the camera is, from the middle of the scan, in sizes of it
-NEARER = 0.5  # than Frame, which shows the whole box
+NEARER = 0.42  # than Frame, which shows the whole box
 OPAQUE, SHIFT, GROW, SMOOTH = 0.05, -100.0, 2.0, 2.0  # mm, HU, mm, mm: thin walls are whole and opaque
 SHORTER, AHEAD = 0.85, -0.008  # of the slice, toward the front in meters: the head holder is beyond it
 COLUMNS = 45, 105, 190  # of buttons, pixels from the sidebar's right edge
 LEVEL, WINDOW, BEFORE = 575.0, 850.0, 0.001  # HU, of the slice, and how far it lies before the cut, in meters
-OPEN, LIVE = "560x484+100+160", "500x460+130+175"  # of a frame
+OPEN = "520x500+80+150"  # of a frame
 # Over the seconds that a render took, which are those of a busy machine: the background beside them.
 NO_SECONDS = "( +clone -crop 300x22+400+55 +repage ) -geometry +12+55 -composite".split()
-STILLS = {  # pictures of the pages: the frames side by side, the part of each and its caption
-    "how-to-presets": (("preset", "1024x700+0+0", ""),), "how-to-cut": (("whole", OPEN, ""), ("cut", OPEN, "")),
-    "how-to-live": (("draft", LIVE, "Draft, while the view turns"), ("refined", LIVE, "Refined, when it rests")),
+STILLS = {  # pictures of the pages: the frames side by side, and the part of each
+    "how-to-presets": (("preset", "920x700+0+0"),), "how-to-cut": (("whole", OPEN), ("cut", OPEN)),
 }  # fmt: skip
 shown = []  # of each photograph: how long it is shown, in frames, its caption, and the pixel of the mouse
 mouse = []
@@ -78,8 +77,8 @@ def frame(times: int = 1, caption: str = "", name: str = ""):
     shown.append((times, caption or shown[-1][1], tuple(mouse)))
 
 
-def drag(button: str, begin, end, caption: str = "", draft: bool = False):
-    """Drag from one pixel of the window to another, a frame for each step; ``draft``: photographs on the way."""
+def drag(button: str, begin, end, caption: str = ""):
+    """Drag from one pixel of the window to another, a frame for each step."""
     begin, end = np.array(begin, float), np.array(end, float)
     for at in (begin - 1, begin):
         point("MOUSEMOVE", "NOTHING", at)
@@ -90,11 +89,7 @@ def drag(button: str, begin, end, caption: str = "", draft: bool = False):
     for step in range(1, STEPS + 1):
         point("MOUSEMOVE", "NOTHING", begin + (end - begin) * step / STEPS)
         yield
-        if draft and step == STEPS // 2:
-            yield from photograph("draft")
         yield from settled()
-        if draft and step == STEPS // 2:
-            yield from photograph("refined")
         yield from frame()
     point(button, "RELEASE", end)
     yield
@@ -183,7 +178,7 @@ def rendered():
 def scenario():
     # Imported when the extension, which brings pydicom, is installed.
     if SCAN.is_dir():
-        shutil.copytree(SCAN, SHOWN)
+        shutil.copytree(SCAN, SHOWN, dirs_exist_ok=True)
     else:
         import_module("devtools.practice_ct").write_series(SHOWN)
     bpy.context.preferences.view.render_display_type = "AREA"
@@ -225,7 +220,7 @@ def scenario():
     ours.shift_by, ours.opacity_unit_distance, ours.smoothness = SHIFT, OPAQUE, SMOOTH
     yield from settled()
     yield from frame(HOLD, "Shift -100 HU: thin bone is whole")
-    yield from drag("MIDDLEMOUSE", middle(-50.0), middle(120.0), "Turn the view", True)
+    yield from drag("MIDDLEMOUSE", middle(-50.0), middle(120.0), "Turn the view")
     yield from frame(HOLD // 2)
     yield from frame(1, name="whole")
     yield from cut(volume)
@@ -249,7 +244,7 @@ def save() -> None:
         path = folder / f"captioned-{number:03}.png"
         arrow = " ".join(f"{at[0] + x},{window().height - at[1] + y}" for x, y in ARROW) if at else ""
         words = ["-fill", "white", "-stroke", "black", "-draw", f"polygon {arrow}"] if at else []
-        words += ["-stroke", "none", "-resize", f"{WIDTH}x", "-font", FONT, "-gravity", "SouthWest", "-pointsize", "24",
+        words += ["-stroke", "none", "-font", FONT, "-gravity", "SouthWest", "-pointsize", "24",
                   "-fill", "white", "-undercolor", "#000c", "-annotate", "+44+30", f" {caption} "]  # fmt: skip
         words = [*NO_SECONDS, *words] if caption == "F12" else words
         subprocess.run(["convert", str(folder / f"frame-{number:03}.png"), *words, str(path)], check=True)
@@ -258,10 +253,8 @@ def save() -> None:
                     str(folder / "recording.webp")], check=True)  # fmt: skip
     for name, parts in STILLS.items():
         words = []
-        for still, part, caption in parts:
-            said = ["-font", FONT, "-gravity", "South", "-pointsize", "19", "-fill", "white", "-undercolor", "#000c",
-                    "-annotate", "+0+14", f" {caption} ", "-gravity", "NorthWest"]  # fmt: skip
-            words += ["(", str(folder / f"{still}.png"), "-crop", part, "+repage", *(said if caption else []), ")"]
+        for still, part in parts:
+            words += ["(", str(folder / f"{still}.png"), "-crop", part, "+repage", ")"]
         subprocess.run(["convert", *words, "+append", "-quality", "82", str(folder / f"{name}.jpg")], check=True)
 
 

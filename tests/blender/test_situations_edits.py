@@ -133,6 +133,7 @@ EDITS = {
     "add_letters": ({}, None),
     "read_labels": ({}, labels),
     "solo_label": (dict(label=1), listed_labels),
+    "add_names": ({}, listed_labels),
     "clear_labels": ({}, listed_labels),
     "color_anatomy": ({}, listed_labels),
     "add_channels": ({}, two_volumes),

@@ -1,0 +1,59 @@
+"""What operators share that add lettering to renders: texts, their material, and the plane before the volume."""
+
+import bpy
+from mathutils import Matrix, Vector
+
+from ..bridge import linked, versions
+from ..bridge.live import letters, slices
+from ..bridge.volumes import attached
+
+
+def add_object(context, name: str, data, material, owner, parent, matrix):
+    """Add an object of the lettering of a volume as a child of ``parent``; it casts no shadow."""
+    one = bpy.data.objects.new(name, data)
+    one[letters.MARK] = owner.name
+    data.materials.append(material)
+    linked.put_into_scene(context, one)
+    for ray in slices.LAMPS:
+        setattr(one, ray, False)
+    attached.attach(one, parent, matrix)
+    return one
+
+
+def new_text(body: str, align: str = "CENTER"):
+    """A text of height 1 whose middle is the origin, or its left or right end."""
+    curve = bpy.data.curves.new(body, "FONT")
+    curve.body, curve.align_x, curve.align_y = body, align, "CENTER"
+    return curve
+
+
+def new_emission():
+    """A white material, whatever the light."""
+    material = bpy.data.materials.new("Letters")
+    tree = versions.material_tree(material)
+    tree.nodes.clear()
+    emission, output = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("Emission", "OutputMaterial"))
+    tree.links.new(emission.outputs[0], output.inputs["Surface"])
+    return material
+
+
+def plane_before(scene, frame, depths) -> Matrix:
+    """The plane before a volume, in which the picture reaches as far as ``view_frame`` says, to the world.
+
+    Parameters
+    ----------
+    frame : Matrix
+        The camera without its scale.
+    depths : sequence of float
+        Of the corners of the volume's box.
+    """
+    low = scene.camera.data.view_frame(scene=scene)[2]
+    distance = max(0.9 * min(depths), 1.01 * scene.camera.data.clip_start)
+    plane = frame @ Matrix.Translation((0.0, 0.0, -distance))
+    return plane @ Matrix.Scale(-distance / low.z if scene.camera.data.type != "ORTHO" else 1.0, 4)
+
+
+def depths_of(frame, corners) -> list:
+    """Distances of points, (n, 3), from a camera; negative behind it."""
+    inward = frame.inverted()
+    return [-(inward @ Vector(corner)).z for corner in corners.tolist()]
