@@ -13,7 +13,7 @@ from bpy_extras.view3d_utils import location_3d_to_region_2d
 from mathutils import Vector
 
 from tests.blender.real_blender import MODULE
-from tests.blender.user_steps import settled
+from tests.blender.user_steps import find_button, press_button, scroll_sidebar, settled
 from tests.blender.window_driver import (
     area_of,
     drive,
@@ -27,6 +27,7 @@ from tests.blender.window_driver import (
     window,
 )
 
+BELOW = 27  # pixels from a button to the header under it
 FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_segments_"))
 
 
@@ -141,12 +142,43 @@ def check_pick():
         assert not any(shown for _, shown in rows()[:-1]), rows()
 
 
+def check_names():
+    """Letters and the names of two segments, by the mouse from the panel Render on."""
+    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_picture")
+    yield from new_file()
+    with in_the_view():
+        assert bpy.ops.rle_splat.import_volume(filepath=str(write_phantom()), modality="CT") == {"FINISHED"}
+        assert bpy.ops.rle_splat.threshold_segment(low=300.0, high=600.0) == {"FINISHED"}
+        bpy.ops.rle_splat.frame_volume(side="A")
+    volume().rle_splat.labels[0].show = False
+    yield from settled()
+    scene, view = bpy.context.scene, area_of("VIEW_3D").spaces.active.region_3d
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    scene.collection.objects.link(camera)
+    scene.camera, camera.matrix_world = camera, view.view_matrix.inverted()
+    view.view_perspective = "CAMERA"
+    yield from settled()
+    yield from scroll_sidebar(40)
+    x, y = yield from find_button("meshes_occlude")
+    yield from click((x, y - BELOW))  # Pictures and Files
+    yield from settled()
+    yield from scroll_sidebar(40)
+    for command in ("add_letters", "add_names"):
+        yield from press_button(f"bpy.ops.rle_splat.{command}")
+        yield from settled()
+    yield from photograph("names")
+    texts = {one.data.body for one in scene.objects if one.type == "FONT"}
+    assert {"R", "L", "S", "I"} <= texts and len([text for text in texts if len(text) > 1]) == 2, texts
+
+
 def scenario():
     open_panels("RLE_SPLAT_PT_labels", "RLE_SPLAT_PT_volume")
     yield from check_remove_table()
     passed("remove table")
     yield from check_pick()
     passed("pick")
+    yield from check_names()
+    passed("names")
     yield from settled()
     yield from photograph("kept")
 
