@@ -154,7 +154,7 @@ def scenario():
 
     began = time.perf_counter()
     bpy.context.view_layer.objects.active = volume
-    look_from(62.0, -20.0, 1.65)  # a camera sees half of what a viewport does
+    look_from(62.0, -20.0, 1.85)  # a camera sees half of what a viewport does
     yield from settled()
     camera_to_view()
     with in_the_view():
