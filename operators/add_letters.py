@@ -17,7 +17,6 @@ from .refusal import refuse
 from .through_camera import has_volume_and_camera
 
 SIZE, LONGEST, MARGIN = 0.045, 0.25, 0.04  # of a letter, of the bar and of the space beside it, shares of the picture
-ALIKE = 0.7  # cosine in the picture above which of two axes only the one more across the view has letters
 NEAREST = 0.2  # depth of a corner, as a share of the middle's, that is seen at most
 
 
@@ -64,19 +63,18 @@ def _letters(owner, scene, frame):
         corners *= middle.z / np.minimum(corners[:, 2:], NEAREST * middle.z)  # as seen at the middle's depth
     if middle.z > 0.0:  # behind the camera
         return
-    turn, used = frame.to_3x3().to_4x4() @ Matrix.Scale(size, 4), []
-    axes = [((pair[1][1] - pair[0][1]).normalized(), pair) for pair in zip(placed[::2], placed[1::2])]
-    for axis, pair in sorted(axes, key=lambda one: abs(one[0].z)):
-        across = axis.to_2d().normalized()
-        if abs(axis.z) > letters.ALONG or any(abs(across.dot(other)) > ALIKE for other in used):
-            continue
-        used.append(across)
-        reach = float(np.abs((corners[:, :2] - middle[:2]) @ across).max()) + size
-        for (letter, _), toward in zip(pair, (-across, across)):
+    turn, sight = frame.to_3x3().to_4x4() @ Matrix.Scale(size, 4), middle.normalized()
+    if scene.camera.data.type == "ORTHO":
+        sight = Vector((0.0, 0.0, -1.0))
+    pairs = list(zip(placed[::2], placed[1::2]))
+    axes = [(second - first).normalized() for (_, first), (_, second) in pairs]
+    axes = [(axis.dot(sight), axis.to_2d().normalized()) for axis in axes]
+    for n, across, reach in letters.letters_beside(corners[:, :2], np.array(middle[:2]), axes):
+        for (letter, _), toward in zip(pairs[n], (-across, across)):
             ends = [((high if way > 0.0 else low)[n] * away - middle[n] - math.copysign(size, way)) / way
                     for n, way in enumerate(toward) if way]  # fmt: skip
             room = min(ends)  # to the picture's edge
-            place = frame @ (middle + (min(reach, room) if room > 0.0 else reach) * toward.to_3d())
+            place = frame @ (middle + (min(reach + size, room) if room > 0.0 else reach + size) * toward.to_3d())
             yield letter, new_text(letter), owner, Matrix.Translation(place) @ turn
 
 

@@ -20,7 +20,7 @@ from .refusal import has_segments, refuses
 from .through_camera import evaluated, has_volume_and_camera
 
 # Shares of the picture's height: size of a name, distance from name to name, space beside a name, and a line's width.
-SIZE, STEP, SPACE, LINE = 0.03, 0.05, 0.012, 0.0012
+SIZE, STEP, SPACE, LINE = 0.03, 0.05, 0.012, 0.0018
 WIDE = 0.45  # of a letter, in sizes of the text
 MOST = 4_000_000  # voxels that are looked at; of larger maps every second one, third one and so on
 CELL = 1.5  # side of the squares in which a voxel hides others, in distances of voxels
@@ -128,9 +128,12 @@ def _heights_of_letters(owner, scene, frame) -> tuple[list, list]:
 
 
 def _in_words(row) -> str:
-    """The name of a segment as one reads it: ``aorta_true_lumen`` as "Aorta true lumen"."""
-    words = row.label_name.replace("_", " ").strip() or str(row.label)
-    return words[0].upper() + words[1:]
+    """The name of a segment as one reads it: ``kidney_left`` as "Left kidney", ``vertebrae_T12`` as "T12"."""
+    words = row.label_name.replace("_", " ").split() or [str(row.label)]
+    if len(words) > 1 and words[0].lower() in ("vertebrae", "vertebra"):
+        words = words[1:]
+    words.sort(key=lambda word: word not in ("left", "right"))  # the side first
+    return words[0][0].upper() + " ".join(words)[1:]
 
 
 def _line(begin, end, width: float):

@@ -82,7 +82,7 @@ def _show_segments(owner, volume, made) -> str:
     segments.show(owner, volume, made)
     share = np.count_nonzero(made.found.volume.voxels) / made.found.volume.voxels.size
     labels.show_anatomy(owner.rle_splat.labels, hides_background=share > MOST_WITHIN)
-    return filled("The segments are those of {file}.", file=os.path.basename(made.path))
+    return filled("Loaded segments from {file}.", file=os.path.basename(made.path))
 
 
 def _draw_text(layout, text: str) -> None:
@@ -107,7 +107,7 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
         name="Show in View", description="Move the view so that all of the volume is seen, and open the sidebar at "
         "its tab. Views through a camera stay", default=True)  # fmt: skip
     use_headlight: BoolProperty(
-        name="Headlight if Dark", description=("Light the first volume of a scene by a headlight if the "
+        name="Add Headlight if Dark", description=("Light the first volume of a scene by a headlight if the "
             "scene's lights leave a side of it dark. The panel Lighting "
             "changes it"),
         default=False, options={"SKIP_SAVE"})  # fmt: skip

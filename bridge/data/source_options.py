@@ -121,7 +121,7 @@ class SourceOptions:
             " only one"), default=0,
         min=0)  # fmt: skip
     use_only_series: BoolProperty(
-        name="The Only One", description="Read the only series of the folder, or ask which one if there are several",
+        name="Single Series", description="Read the only series of the folder, or ask which one if there are several",
         **switch("series", 0, 1))  # fmt: skip
     series_key: StringProperty(
         name="Series Hash", description="Hash of the identifier of the DICOM series, by which it is found again",
@@ -133,10 +133,10 @@ class SourceOptions:
         name="Resolution Level", description=("Level of an OME-Zarr pyramid: 0 is the finest, -1 the finest"
             " that fits into memory at the import"), default=-1, min=-1)  # fmt: skip
     use_fitting_level: BoolProperty(
-        name="The Finest That Fits", description="Read the finest level whose voxels fit into memory",
+        name="Finest That Fits in Memory", description="Read the finest level whose voxels fit into memory",
         **switch("level", -1, 0))  # fmt: skip
     use_first_frame: BoolProperty(
-        name="The First", description="Read the first volume, and show others with the timeline",
+        name="First Volume", description="Read the first volume, and show others with the timeline",
         **switch("frame", 0, 1))  # fmt: skip
     use_sequence: BoolProperty(
         name="Sequence", description="Read files whose names differ in their last number alone, such as "

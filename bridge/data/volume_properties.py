@@ -183,7 +183,7 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         get=lambda group: group.clip_keep == "OUTSIDE")  # fmt: skip
     clip_keep: LiveEnum(name="Keep", description="Part of the volume that this cutting object keeps", items=CLIP_ITEMS)
     clip_only_parent: LiveBool(
-        name="Only Its Volume", default=False,
+        name="Cut Only This Volume", default=False,
         description="Cut only the volume that this object is a child of, not the others in the scene")  # fmt: skip
     is_slice: BoolProperty(
         name="Is a Slice", description="This mesh shows a slice of the volume that it is a child of", default=False,
@@ -241,7 +241,7 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     )
     opacity_unit_distance: LiveFloat(
         name="Opacity Unit Distance", description="Thickness of material, in mm for patients, at which the opacity "
-        "curve holds. Smaller is more solid: some 0.05 mm makes thin bone opaque",
+        "curve holds. Smaller is more solid: about 0.05 mm makes thin bone opaque",
         default=0.0, min=0.0, precision=4)  # fmt: skip
     use_smallest_spacing: BoolProperty(
         name="Automatic", description="Use the smallest voxel spacing",
@@ -297,7 +297,7 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     smoothness: LiveFloat(
         name="Smoothness", default=-1.0, min=-1.0, soft_max=10.0, precision=2,
         description="How far, in mm, surfaces are smoothed for light (standard deviation of a Gaussian). Removes the "
-        "rings of thick slices, rounds fine edges. 0 is off")  # fmt: skip
+        "rings of thick slices and rounds fine edges. 0 is off")  # fmt: skip
     use_automatic_smoothness: BoolProperty(
         name="Automatic", description="Smooth surfaces by the largest voxel spacing, at most 2 mm",
         **switch("smoothness", -1.0, 1.0))  # fmt: skip

@@ -23,7 +23,7 @@ from . import drawing, slice_places
 WORDS = {"R": "Right", "L": "Left", "A": "Front", "P": "Back", "I": "Feet", "S": "Head"}
 SIZE = 15  # points; scaled with Blender's interface
 ALONG = 0.75  # cosine with the view above which letters lie in front of the volume and behind it
-BESIDE, FAINT = 0.2, 0.3  # cosine up to which they stand beside it; opacity of a letter that is behind it, else
+ALIKE = 0.7  # cosine in the picture above which of two axes only the one more across the view has letters
 APART = 0.04  # distance from the face, as a fraction of the box's length along that axis
 FONT = 0  # Blender's own
 MARK = "rle_splat_letters"  # custom property of lettering that is objects: the name of the volume that it is for
@@ -58,6 +58,31 @@ def placed_letters(volume_object, part=None) -> list:
     ]
 
 
+def letters_beside(corners: np.ndarray, middle: np.ndarray, axes: list) -> list:
+    """The axes that have letters in a picture, which stand beside the volume: over it, they would name a part of it.
+
+    Letters along whose axis the view looks are left out: A would lie on what is seen from the front.
+
+    Parameters
+    ----------
+    corners : (n, 2) ndarray of float64
+        Where the picture shows the corners of the volume's box.
+    middle : (2,) ndarray of float64
+    axes : list of (float, Vector)
+        Of each axis the cosine with the view, and its direction in the picture.
+
+    Returns
+    -------
+    list of (int, Vector, float)
+        The axis, its direction, and how far the box reaches from its middle to that side and to the other.
+    """
+    found = []
+    for n, (along, across) in sorted(enumerate(axes), key=lambda one: abs(one[1][0])):
+        if abs(along) <= ALONG and all(abs(across.dot(other)) <= ALIKE for _, other, _ in found):
+            found.append((n, across, float(np.abs((corners - middle) @ np.array(across)).max())))
+    return found
+
+
 def has_objects(volume_object) -> bool:
     """Whether letters that are objects, and seen, stand at a volume."""
     return any(one.get(MARK) == volume_object.name and one.visible_get() for one in volume_object.children)
@@ -90,13 +115,12 @@ def _draw() -> None:
     if context.region_data.view_perspective == "CAMERA":  # to which the objects turn
         shown = [owner for owner in shown if not has_objects(owner)]
     for owner in (one for one in shown if one not in channels):
-        for text, place, away, opacity in _on_screen(placed_letters(owner), context, faced is not None):
+        for text, place, away in _on_screen(owner, context, faced is not None):
             width, height = blf.dimensions(FONT, text)
             left, bottom = place.x + 0.5 * (away * (width - height) - width), place.y - 0.5 * height
-            if opacity is None:  # beside the volume: a letter is to be read whatever part of the volume is seen
-                left = min(max(left, 0.5 * height), context.region.width - width - 0.5 * height)
-                bottom = min(max(bottom, 0.5 * height), context.region.height - 1.5 * height)
-            blf.color(FONT, *ink, strength * (1.0 if opacity is None else opacity))
+            left = min(max(left, 0.5 * height), context.region.width - width - 0.5 * height)
+            bottom = min(max(bottom, 0.5 * height), context.region.height - 1.5 * height)
+            blf.color(FONT, *ink, strength)
             blf.position(FONT, left, bottom, 0.0)
             blf.draw(FONT, text)
 
@@ -122,34 +146,30 @@ def _draw_lines(context, sentence: str) -> None:
         blf.draw(FONT, line)
 
 
-def _on_screen(placed: list, context, is_slice: bool) -> list:
-    """The letters to draw: text, Vector in pixels, -1 to 1 for how far to the left or right of the opposite side, and
-    opacity, None for one that stands beside a volume whose middle is in view.
+def _on_screen(owner, context, is_slice: bool) -> list:
+    """The letters to draw: text, Vector in pixels, and -1 to 1 for how far to the left or right of the opposite side.
 
-    Letters along whose axis the view looks are left out: A would lie on what is seen from the front, or on the slice
-    there.  Of two others the farther one is faint, or it would name what lies before it.  Views of slices have words.
+    None for a volume whose middle is out of view, or a part of which is behind the eye.  Views of slices have words.
     """
-    found, view = [], context.region_data
-    for pair in zip(placed[::2], placed[1::2]):
-        points = [Vector(point) for _, point in pair]
-        places = [location_3d_to_region_2d(context.region, view, point) for point in points]
-        texts = [translate(WORDS[letter]) if is_slice else letter for letter, _ in pair]
-        if None in places:  # behind the eye
-            found += [(text, place, 0.0, 1.0) for text, place in zip(texts, places) if place is not None]
-            continue
-        depths = [-(view.view_matrix @ point).z for point in points]
-        middle = view.view_matrix @ ((points[0] + points[1]) / 2)
-        sight = middle.normalized() if view.is_perspective else Vector((0.0, 0.0, -1.0))
-        along = abs((view.view_matrix.to_3x3() @ (points[1] - points[0])).normalized().dot(sight))
-        if along > ALONG:
-            continue
-        across, length = places[1] - places[0], max((places[1] - places[0]).length, 1.0)
-        away = -across.x / length, across.x / length
-        center, far = (places[0] + places[1]) / 2, 0 if depths[0] > depths[1] else 1
-        is_seen = 0.0 < center.x < context.region.width and 0.0 < center.y < context.region.height
-        is_beside = is_seen and (is_slice or along < BESIDE)
-        for n, text in enumerate(texts):
-            found.append((text, places[n], away[n], None if is_beside else FAINT if n == far else 1.0))
+    corners, view = box.world_corners(owner), context.region_data
+    seen = [location_3d_to_region_2d(context.region, view, Vector(corner)) for corner in corners.tolist()]
+    if None in seen or not seen:
+        return []
+    seen, middle = np.array(seen), Vector(corners.mean(axis=0).tolist())
+    center = location_3d_to_region_2d(context.region, view, middle)
+    if not (0.0 < center.x < context.region.width and 0.0 < center.y < context.region.height):
+        return []
+    sight = (view.view_matrix @ middle).normalized() if view.is_perspective else Vector((0.0, 0.0, -1.0))
+    placed = placed_letters(owner)
+    pairs, axes = list(zip(placed[::2], placed[1::2])), []
+    for (_, first), (_, second) in pairs:
+        axis = (view.view_matrix.to_3x3() @ Vector((second - first).tolist())).normalized()
+        axes.append((axis.dot(sight), axis.to_2d().normalized()))
+    found, space = [], SIZE * context.preferences.system.ui_scale
+    for n, across, reach in letters_beside(seen, np.array(center), axes):
+        for (letter, _), toward in zip(pairs[n], (-across, across)):
+            text = translate(WORDS[letter]) if is_slice else letter
+            found.append((text, center + toward * (reach + space), toward.x))
     return found
 
 

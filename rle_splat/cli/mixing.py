@@ -53,14 +53,17 @@ def add_mixing_options(parser) -> None:
     group.add_argument(
         "--keep-table",
         action="store_true",
-        help="show the table or the head holder of a CT; without this, --labels or --transfer-function it is hidden if "
-        "at least 0.6 %% of the voxels shown lie beside the body",
+        help="show the table or the head holder of a CT; without this, --labels, --transfer-function or --tolerance "
+        "it is hidden if at least 0.6 %% of the voxels shown lie beside the body",
     )
 
 
 def hide_table(args, volume: Volume, function: TransferFunction, line) -> tuple[Labels | None, tuple[str, ...]]:
-    """Labels that hide what lies beside the body, and a sentence that says so; None and () where nothing is hidden."""
-    if args.keep_table or args.labels or args.transfer_function:
+    """Labels that hide what lies beside the body, and a sentence that says so; None and () where nothing is hidden.
+
+    A tolerance cannot be met with labels, so a table stays where one is given.
+    """
+    if args.keep_table or args.labels or args.transfer_function or getattr(args, "tolerance", None):
         return None, ()
     labels = line.follow(hide_table_steps(volume, function))
     return labels, () if labels is None else (TABLE_HIDDEN,)

@@ -11,7 +11,7 @@ import tempfile
 from contextlib import suppress
 from pathlib import Path
 
-RELEASE = "0.3.0"  # devtools.docs_reference copies it; a release starts with an empty folder of kernels
+RELEASE = "0.4.0"  # devtools.docs_reference copies it; a release starts with an empty folder of kernels
 CACHE_VARIABLE = "RLE_SPLAT_CACHE"
 NUMBA_VARIABLE = "NUMBA_CACHE_DIR"  # set by users for everything that numba compiles, so it comes first
 KERNEL_PREFIX = "kernels-"

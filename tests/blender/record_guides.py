@@ -5,7 +5,7 @@
 writes how-to-*.jpg and organs-*.jpg into build/window-shots/record_guides.  In tests/blender/data are: ``scan``, the
 DICOM series of the gallery's skull; ``cta_aorta_labels``, the dissected aorta with its segments; and the files of RAW,
 FOOT and HEAD_MR.
-how-to-preferences.jpg is a part of preferences.png of window_panels.py.
+how-to-preferences.jpg is a part of preferences.png of window_panels.py, without paths.
 """
 
 import os
@@ -374,7 +374,7 @@ def tutorial_of_organs():
     ours.lighting, scene.rle_splat.ambient_occlusion, scene.rle_splat.quality = "SCENE", 0.7, "fine"
     camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
     scene.collection.objects.link(camera)
-    look_from(80.0, 35.0, 1.75)  # a camera sees half of what a viewport does
+    look_from(80.0, 35.0, 1.9)  # a camera sees half of what a viewport does
     yield from settled()
     scene.camera, camera.matrix_world = camera, view.region_3d.view_matrix.inverted()
     view.region_3d.view_perspective = "CAMERA"
@@ -387,6 +387,8 @@ def tutorial_of_organs():
     volume.select_set(False)
     with in_the_view():
         assert bpy.ops.rle_splat.add_names() == {"FINISHED"}
+    for kind in ("True", "False"):
+        bpy.data.objects[f"Aorta {kind.lower()} lumen"].data.body = f"{kind} lumen"
     view.overlay.show_overlays = False
     activate(volume)
     yield from settled()

@@ -148,7 +148,9 @@ def cut(volume):
     before = box.matrix_world.copy()
     face = box.matrix_world @ Vector((-1.0, 0.0, 0.0))
     middle_of = sum(corners_of(volume), Vector()) / 2
-    yield from drag("LEFTMOUSE", pixel_of(face), pixel_of((middle_of.x - 0.006, face.y, face.z)), "Drag its face")
+    yield from drag(
+        "LEFTMOUSE", pixel_of(face), pixel_of((middle_of.x - 0.006, face.y, face.z)), "Drag a side of the box"
+    )
     assert box.matrix_world != before, "the handle was missed"
     yield from frame(HOLD, name="cut")
     ours = volume.rle_splat

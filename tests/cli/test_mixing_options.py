@@ -243,6 +243,7 @@ def test_a_table_is_hidden_where_a_scan_is_first_seen(call, tmp_path, write_json
 
     assert shows() == shows("--preset", "ct-bone") == (False, True)
     assert shows("--keep-table") == shows("--transfer-function", function) == (True, True)
+    assert shows("--tolerance", "8") == (True, True), "which works without labels alone"
 
     figure, again = tmp_path / "figure.png", tmp_path / "again.png"
     scan = words.replace("--size 64 ", "--width-cm 4 --dpi 60 ").split()
