@@ -18,12 +18,15 @@ def _python_of(page: Path) -> str:
     return "".join(re.findall(r"^```python\n(.*?)^```", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL))
 
 
-def test_the_example_of_the_readme_needs_no_file(tmp_path, monkeypatch, capsys):
+def test_the_example_of_the_readme_runs(tmp_path, monkeypatch, capsys):
+    z, y, x = np.indices((SIDE, SIDE, SIDE)) - SIDE // 2
+    values = np.float32(1000.0 * np.exp(-((np.sqrt(x**2 + y**2 + z**2) / (SIDE / 3)) ** 8)))
+    rle_splat.write_volume(rle_splat.Volume(values, np.eye(4), space="patient"), tmp_path / "scan.nii.gz")
     monkeypatch.chdir(tmp_path)
     names = {}
     exec(compile(_python_of(ROOT / "README.md"), "README.md", "exec"), names)
     assert 0.02 < (names["rendering"].rgba[..., 3] > 0.5).mean() < 0.5 and "values" in capsys.readouterr().out
-    assert [path.name for path in tmp_path.iterdir()] == ["out.png"] and (tmp_path / "out.png").stat().st_size > 10_000
+    assert (tmp_path / "out.png").stat().st_size > 10_000
 
 
 @pytest.mark.slow  # it compiles the kernels of the quality fine and of a tolerance
