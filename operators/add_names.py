@@ -50,9 +50,10 @@ class RLE_SPLAT_OT_add_names(LoadsFirst, bpy.types.Operator):
         if not places:
             raise RleSplatError("The camera sees none of the segments that are shown; turn it to them.")
         tall = high.y - low.y
-        if len(places) > 2 * int(1.0 / STEP):
+        room = 2 * int(0.95 / STEP)
+        if len(places) > room:
             raise RleSplatError(
-                f"{len(places)} segments are shown, and a picture has room for {2 * int(1.0 / STEP)} names; hide some."
+                f"{len(places)} segments are shown, and a picture has room for {room} names; hide some."
             )
         before = [one for one in scene.objects if letters.SEGMENT in one and one.get(letters.MARK) == owner.name]
         bodies = {one[letters.SEGMENT]: one.data.body for one in before if one.type == "FONT"}

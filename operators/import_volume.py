@@ -112,7 +112,7 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
             "changes it"),
         default=False, options={"SKIP_SAVE"})  # fmt: skip
     use_segments: BoolProperty(
-        name="Load Segmentation", description="Show the segmentation that lies beside the scan, colored by anatomy: a "
+        name="Load Segments", description="Show the segmentation that lies beside the scan, colored by anatomy: a "
         "DICOM SEG or RTSTRUCT in its folder or the one above, or a label map or a folder of masks whose name has the "
         "word seg, label or segmentation", default=False, options={"SKIP_SAVE"})  # fmt: skip
     hide_table: BoolProperty(
