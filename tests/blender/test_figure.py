@@ -155,7 +155,7 @@ def test_bad_input_is_refused(ball, refused, tmp_path):
     refused(save_figure, "at one depth only", filepath=path, scale_length=5.0)
     bpy.context.scene.camera.data.type = "ORTHO"
     bpy.context.scene.rle_splat.max_error = 2.0
-    refused(save_figure, "set Maximum Error to 0", filepath=path)
+    refused(save_figure, "cannot be made with a Maximum Error", filepath=path)
     assert sorted(one.name for one in tmp_path.iterdir()) == ["cube.raw"]
 
 

@@ -222,7 +222,7 @@ def test_a_plain_background_is_one_of_a_viewport(volume):
         assert bpy.ops.rle_splat.plain_background() == {"FINISHED"}
         assert shading.background_type == "VIEWPORT" and tuple(shading.background_color) == (1.0, 1.0, 1.0)
         shading.type = "MATERIAL"
-        with pytest.raises(RuntimeError, match="Only Solid shading"):
+        with pytest.raises(RuntimeError, match="Switch the viewport to Solid shading"):
             bpy.ops.rle_splat.plain_background()
 
 

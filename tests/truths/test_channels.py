@@ -324,9 +324,9 @@ def test_a_tolerance_is_kept(stage):
     assert picture.report["error"]["truth"] == "T2" and picture.report["error"]["kept"]
     labeled = replace(scene, labels=Labels(Volume(np.ones(scene.volume.voxels.shape, np.uint8), np.eye(4)), {1: None}))
     for refused, quality in ((labeled, Quality()), (scene, Quality(classification="pre"))):
-        with pytest.raises(RleSplatError, match="choose a quality for labels, and post for channels"):
+        with pytest.raises(RleSplatError, match="choose a quality, or for channels the classification post"):
             render_within(refused, 1.0, quality)
-        with pytest.raises(RleSplatError, match="without labels, and with channels only for the classification post"):
+        with pytest.raises(RleSplatError, match="cannot be measured with labels, or with channels and the classification pre"):
             measurable_scene(refused, quality)
     assert measurable_scene(scene, Quality()).channels
 
