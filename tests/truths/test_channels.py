@@ -326,7 +326,9 @@ def test_a_tolerance_is_kept(stage):
     for refused, quality in ((labeled, Quality()), (scene, Quality(classification="pre"))):
         with pytest.raises(RleSplatError, match="choose a quality, or for channels the classification post"):
             render_within(refused, 1.0, quality)
-        with pytest.raises(RleSplatError, match="cannot be measured with labels, or with channels and the classification pre"):
+        with pytest.raises(
+            RleSplatError, match="cannot be measured with labels, or with channels and the classification pre"
+        ):
             measurable_scene(refused, quality)
     assert measurable_scene(scene, Quality()).channels
 
