@@ -22,7 +22,7 @@ SIDES = (
 
 class RLE_SPLAT_OT_frame_volume(bpy.types.Operator):
     """Show all of the volume in the views of this window, also from a side of the patient: A anterior (front), P
-    posterior (back), L left, R right, S superior (head), I inferior (feet). Views through a camera stay"""
+    posterior (back), L left, R right, S superior (head), I inferior (feet). Camera views are not changed"""
 
     bl_idname = "rle_splat.frame_volume"
     bl_label = "Frame Volume"

@@ -105,7 +105,7 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
         "coordinates of the file", default=False)  # fmt: skip
     use_framing: BoolProperty(
         name="Show in View", description="Move the view so that all of the volume is seen, and open the sidebar at "
-        "its tab. Views through a camera stay", default=True)  # fmt: skip
+        "its tab. Camera views are not changed", default=True)  # fmt: skip
     use_headlight: BoolProperty(
         name="Add Headlight if Dark", description=("Light the first volume of a scene by a headlight if the "
             "scene's lights leave a side of it dark. The panel Lighting "
@@ -240,7 +240,7 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
 
 
 class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelper):
-    """Import a CT, MR, PET, microscopy, smoke or other volume. Its voxels stay in the file"""
+    """Import a CT, MR, PET, microscopy, smoke or other volume. The .blend stores only its path"""
 
     bl_idname = "rle_splat.import_volume"
     bl_label = "Import Volume"

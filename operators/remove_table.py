@@ -7,7 +7,7 @@ from .segmenting import MakesSegments
 
 
 class RLE_SPLAT_OT_remove_table(MakesSegments, bpy.types.Operator):
-    """Find the body in a CT scan, with the air in it, and hide the table, the head holder and blankets"""
+    """Find the body in a CT scan, including the air inside it, and hide the table, the head holder and blankets"""
 
     bl_idname = "rle_splat.remove_table"
     bl_label = "Remove Table"

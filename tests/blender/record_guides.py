@@ -37,8 +37,8 @@ from tests.blender.window_driver import (
 )
 
 DATA = Path(__file__).parent / "data"
-HEAD, ORGANS, QUALITY = "560x560+190+170", "540x610+160+140", "70"
-BEATING, PANEL, REPORT = "280x330+380+230", "260x330+990+448", "945x695+310+82"
+HEAD, ORGANS, QUALITY = "620x560+140+170", "540x610+160+140", "70"
+BEATING, PANEL, REPORT = "280x330+380+230", "260x330+990+448", "975x695+280+82"
 RAW, AORTA = "cthead_256x256x113_uint16be.raw.gz", "cta_aorta_labels"
 FOOT, HEAD_MR = "foot_256x256x256_uint8_fromjpeg.raw.gz", "t1_head_188x256x190_uint8.nii.gz"
 SCANS = Path("/scans")  # of the small system: a path that a reader could have
@@ -387,6 +387,7 @@ def tutorial_of_organs():
     volume.select_set(False)
     with in_the_view():
         assert bpy.ops.rle_splat.add_names() == {"FINISHED"}
+    bpy.data.objects.remove(bpy.data.objects["I"])  # the slice hides a part of it
     for kind in ("True", "False"):
         bpy.data.objects[f"Aorta {kind.lower()} lumen"].data.body = f"{kind} lumen"
     view.overlay.show_overlays = False
