@@ -49,8 +49,8 @@ class RLE_SPLAT_OT_add_letters(LoadsFirst, bpy.types.Operator):
 def _letters(owner, scene, frame):
     """Yield name, text, parent and matrix of each letter.
 
-    They stand beside what is visible, as the camera sees it, so that nothing hides them: at the depth of its middle,
-    and not outside the picture where that can be.
+    They stand beside what is visible, as the camera sees it, so that the volume does not hide them: at the depth of its
+    middle, and not outside the picture where that can be.
     """
     corners = _visible_corners(owner, scene)
     placed = [(letter, frame.inverted() @ Vector(place.tolist()))

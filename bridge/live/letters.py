@@ -149,7 +149,7 @@ def _draw_lines(context, sentence: str) -> None:
 def _on_screen(owner, context, is_slice: bool) -> list:
     """The letters to draw: text, Vector in pixels, and -1 to 1 for how far to the left or right of the opposite side.
 
-    None for a volume whose middle is out of view, or a part of which is behind the eye.  Views of slices have words.
+    A volume has none if its middle is out of view, or a part of it is behind the eye.  Views of slices have words.
     """
     corners, view = box.world_corners(owner), context.region_data
     seen = [location_3d_to_region_2d(context.region, view, Vector(corner)) for corner in corners.tolist()]

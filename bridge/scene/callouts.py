@@ -55,7 +55,7 @@ def _innermost(inside: np.ndarray) -> np.ndarray:
     return np.argwhere(left[int(INWARD * (len(left) - 2))])
 
 
-def arrange(places: dict, low: float, high: float, step: float, taken=((), ())) -> tuple[dict, dict]:
+def arrange(places: dict, low: float, high: float, step: float, taken: tuple) -> tuple[dict, dict]:
     """Heights of names in a column on the left of a picture, and in one on its right.
 
     Parameters
