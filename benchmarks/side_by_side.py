@@ -79,6 +79,7 @@ HEAD = dict(spacing=(1.0, 1.0, 2.0)), True
 ALONE = {}, False, True
 CT_HEAD = "cthead_256x256x113_uint16be.raw.gz"
 CHEST = "dicom_ct_chest_cta_512x512x95"
+HEART = "cta_aorta_labels/cta_heart_aorta_120x126x164_int16.nii.gz"
 SUBJECTS = {
     "CT head": Subject(CT_HEAD, "ct-skin", (215, 10), 0.95, *HEAD, True),
     "skull phantom": Subject("dicom_ct_skull_phantom_512x512x140", PLASTIC, (35, 15), 0.95, *ALONE),
@@ -89,8 +90,8 @@ SUBJECTS = {
 }
 # Presets on scans of three modalities.
 PRESETS = {
-    "CT skull: Bone": Subject("dicom_ct_skull_phantom_512x512x140", "ct-bone", (35, 15), 0.95, *ALONE),
-    "CT chest: Angiography": Subject(CHEST, "ct-angiography", (0, 60), 1.06, *ALONE),
+    "CT skull: Bone": Subject("dicom_ct_skull_phantom_512x512x140", "ct-bone", (30, 0), 0.95, *ALONE),
+    "CT heart: Angiography": Subject(HEART, "ct-angiography", (20, 5), 0.95),
     "CT chest: Soft Tissue": Subject(CHEST, "ct-soft-tissue", (20, 50), 1.08, *ALONE),
     "CT chest: Lung": Subject(CHEST, "ct-lung", (0, 65), 1.06, *ALONE),
     "MR T1: Head": Subject("t1_head_188x256x190_uint8.nii.gz", "mr-head", (35, 10), 1.1),

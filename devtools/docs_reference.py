@@ -345,7 +345,7 @@ def _meaning(entry: dict, script: bool = False) -> str:
 def operators() -> str:
     """Every operator with its tooltip and its properties."""
     parts = []
-    for one in sorted(_of_kind("RLE_SPLAT_OT_"), key=lambda one: _text(one, "bl_idname")):
+    for one in sorted(_of_kind("RLE_SPLAT_OT_"), key=lambda one: _text(one, "bl_label")):
         tooltip = _text(one, "bl_description") or one.doc
         parts += [f"## {_text(one, 'bl_label')}", f"`bpy.ops.{_text(one, 'bl_idname')}()`. {_sentence(tooltip)}"]
         properties = _properties(one)

@@ -57,12 +57,12 @@ def cortex(stage: Stage):
 
 # Of the PET, lengths in mm.
 SUV = 6.0  # which is black
-ASIDE, NEAR = 440.0, Vector((870.0, 0.0, 81.0))  # from the body to its duplicates: from the right side, and the neck
+ASIDE, NEAR = 465.0, Vector((890.0, 0.0, 81.0))  # from the body to its duplicates: from the right side, and the neck
 LARGER, NECK, HALF = 4.1, Vector((-15.0, 0.0, 364.0)), Vector((55.0, 140.0, 80.0))  # the part of the body that is neck
 # Segments of the file with name, color, where the name stands from the middle of the neck, and where its line ends.
 TUMORS = (
-    (1, "Primary tumor", (0.85, 0.12, 0.02), (125.0, 366.0), (22.0, 140.0)),
-    (2, "Metastasis", (0.02, 0.2, 0.8), (-125.0, 366.0), (-113.0, 184.0)),
+    (1, "Primary tumor", (1.0, 0.2, 0.0), (125.0, 366.0), (22.0, 140.0)),
+    (2, "Metastasis", (0.0, 0.42, 1.0), (-125.0, 366.0), (-113.0, 184.0)),
 )
 
 
@@ -142,7 +142,7 @@ def pet(stage: Stage):
 
     width, height = LARGER * HALF.x, LARGER * HALF.z
     for body, x, y in (
-        ("R", -255, 0), ("L", 240, 0), ("P", ASIDE - 150, 0), ("A", ASIDE + 150, 0),
+        ("R", -255, 0), ("L", 234, 0), ("P", ASIDE - 150, 0), ("A", ASIDE + 150, 0),
         ("R", NEAR.x - width - 22, NEAR.z + 100), ("L", NEAR.x + width + 22, NEAR.z + 100),
     ):  # fmt: skip
         letters(body, to(x, y), 36 * MM, black)

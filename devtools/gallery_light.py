@@ -1,4 +1,4 @@
-"""The pictures of the page of lighting recipes: four scans under the light that an import leaves, and under the recipe;
+"""The pictures of the page of lighting recipes: six scans under the light that an import leaves, and under the recipe;
 a skull whose lamps are added one by one (runs in an environment with bpy).
 
 Every step is an operator or a setting that a user has, too.
@@ -10,11 +10,12 @@ from dataclasses import dataclass, field
 
 import bpy
 from gallery_data import DATA
-from gallery_studio import COLD, WARM, Stage, view_transform
+from gallery_studio import COLD, WARM, Stage, softbox_world, view_transform
 from mathutils import Matrix
 
 SKULL, HEAD = "dicom_ct_skull_phantom_512x512x140", "t1_head_188x256x190_uint8.nii.gz"
 AORTA = "cta_aorta_labels/cta_heart_aorta_120x126x164_int16.nii.gz"
+BRAIN = "flair_brain_124x160x140_uint8.nrrd"
 
 COOL = (0.85, 0.92, 1.0)  # on skin, which COLD makes gray
 
@@ -39,6 +40,17 @@ def _bone(stage: Stage) -> None:
     stage.settings.ambient_occlusion = 0.7
 
 
+def _soft(stage: Stage) -> None:
+    stage.area("Key", 60.0, (-1.4, -1.4, 1.3), WARM, use_shadow=True)
+    stage.area("Fill", 15.0, (1.7, -1.2, 0.5), COLD, use_shadow=True)
+    stage.settings.ambient_occlusion = 0.4
+
+
+def _studio(stage: Stage) -> None:
+    softbox_world(((0.01, 0.01, 0.011), (0.025, 0.0275, 0.0325), (0.12, 0.13, 0.15)), SOFTBOXES)
+    stage.settings.ambient_occlusion = 0.8
+
+
 def _skin(stage: Stage) -> None:
     stage.lamp("Behind", "SPOT", 110.0, (1.4, 0.8, 0.1), WARM, spot_size=0.9, shadow_soft_size=0.3)
     stage.lamp("Front", "SPOT", 110.0, (-1.0, -1.6, 0.7), COOL, spot_size=0.9, shadow_soft_size=0.3)
@@ -46,7 +58,7 @@ def _skin(stage: Stage) -> None:
 
 
 def _smoke(stage: Stage) -> None:
-    stage.lamp("Within", "POINT", 3.0, (0.0, 0.0, -0.15), (1.0, 0.45, 0.15), shadow_soft_size=0.05)
+    stage.lamp("Within", "POINT", 1.0, (0.0, 0.0, -0.15), (1.0, 0.3, 0.06), shadow_soft_size=0.05)
     stage.lamp("Sun", "SUN", 1.5, (-1.4, -0.8, 1.3), COLD)
     stage.volume.rle_splat.use_shading, stage.volume.rle_splat.diffuse = True, 1.0
 
@@ -57,9 +69,12 @@ def _values(stage: Stage) -> None:
     ours.window_center, ours.window_width = 700.0, 1400.0
 
 
+SOFTBOXES = (((-1.5, -0.7, 1.0), 24.0, (9.0, 8.4, 7.6)), ((1.5, 0.6, 0.4), 16.0, (3.0, 4.4, 6.2)))
 OPAQUE = {"opacity_unit_distance": 0.05, "smoothness": 2.0, "shift_by": -100.0}  # mm, mm, HU: thin bone is whole
 RECIPES = (
     Recipe("bone", SKULL, _bone, {"preset": "ct-bone"}, OPAQUE, aim=(0.0, 0.0, -0.06), lens=72.0),
+    Recipe("soft", BRAIN, _soft, {"preset": "mr-brain"}, lens=84.0),
+    Recipe("studio", AORTA, _studio, {"preset": "ct-angiography"}),
     Recipe(
         "skin",
         HEAD,

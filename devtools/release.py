@@ -28,7 +28,7 @@ def checksum_lines(files) -> str:
 def changelog() -> str:
     """What CHANGELOG.md says of this version; a Failure if it says nothing."""
     text = CHANGELOG.read_text(encoding="utf-8")
-    found = re.search(rf"^## {re.escape(version())}\n(.*?)(?=^## |\Z)", text, re.MULTILINE | re.DOTALL)
+    found = re.search(rf"^## {re.escape(version())} - [\d-]+\n(.*?)(?=^## |\Z)", text, re.MULTILINE | re.DOTALL)
     if not found:
         raise Failure(f"CHANGELOG.md has no section for version {version()}: give what is under Unreleased this name.")
     return f"# RLE Splat {version()}\n{found[1].rstrip()}\n"

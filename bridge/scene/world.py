@@ -56,14 +56,14 @@ def read_world(scene, warn=None) -> WorldLight | None:
 
 
 def state(scene, lighting: str = "SCENE") -> str:
-    """Which light of the world is used, and why not if not; for a panel, so nothing is changed, read or rendered."""
+    """Which light of the world is used, or why none is; for a panel, so nothing is changed, read or rendered."""
     settings, world = scene.rle_splat, scene.world
     if lighting not in BY_SCENE:
-        return "World not used: see Light Source"
+        return "World: not part of this Light Source"
     if not settings.use_world:
-        return "World not used: turned off"
+        return "World: turned off"
     if world is None:
-        return "World not used: the scene has none"
+        return "World: the scene has none"
     color, has_directions, origin = world_nodes.plain_color(world), False, ONE_COLOR
     if color is None and world_nodes.has_image(world):
         has_directions, origin = True, FROM_IMAGE
@@ -74,9 +74,9 @@ def state(scene, lighting: str = "SCENE") -> str:
         (color, environment), origin = light, RENDERED
         has_directions = environment is not None
     if color is not None and not any(color):
-        return "World not used: it is black"
+        return "World: black, so it gives no light"
     if not has_directions and not any(one.type == "LIGHT" and not one.hide_render for one in scene.objects):
-        return "World not used: one color and no lights"
+        return "World: one color, which lights the volume once there is a lamp"
     return f"World: {origin}"
 
 

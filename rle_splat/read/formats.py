@@ -190,8 +190,8 @@ def _with_guessed_unit(volume: Volume) -> Volume:
     if volume.value_unit is not None or volume.modality not in (None, "CT") or not looks_like_hounsfield(volume):
         return volume
     remark = (
-        "The histogram has the peaks of air (-1000) and water (0), so the values are taken as Hounsfield units of a "
-        "CT; give the value unit and the modality if they are not."
+        "The histogram has the peaks of air or lungs (below -700) and water (0), so the values are taken as Hounsfield "
+        "units of a CT; give the value unit and the modality if they are not."
     )
     return replace(volume, value_unit="HU", modality="CT", remarks=(*volume.remarks, remark))
 

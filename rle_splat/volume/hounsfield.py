@@ -1,11 +1,11 @@
-"""Whether values are Hounsfield units, by the peaks of air and water in their histogram."""
+"""Whether values are Hounsfield units, by the peaks of air or lungs, and of water, in their histogram."""
 
 import numpy as np
 
 from .volume import Volume
 
 SAMPLES = 1 << 20  # voxels that are looked at
-AIR = (-1030.0, -950.0)  # HU; scanners round, and pad with -1024
+AIR = (-1030.0, -700.0)  # HU; scanners round, and pad with -1024; a scan cut off within a chest has lungs alone
 SOFT = (-150.0, 150.0)  # fat, water, muscle
 BETWEEN = (-650.0, -250.0)  # nothing in a body or around it has these values, but for borders
 LEAST_SHARE = 0.03  # of the voxels, in each of the two peaks
@@ -14,7 +14,7 @@ HIGHEST = 32767.0  # HU; with metal, scanners store up to this
 
 
 def looks_like_hounsfield(volume: Volume) -> bool:
-    """Whether the histogram of a volume has the peaks of air (-1000) and of water (0), and a valley in between.
+    """Whether the histogram of a volume has the peaks of air or lungs and of water (0), and a valley in between.
 
     Parameters
     ----------

@@ -45,6 +45,8 @@ SCANS = Path("/scans")  # of the small system: a path that a reader could have
 PANELS = ("transfer", "slices", "shading")  # that are open
 # Of the tutorial on organs: the slice's place in mm and its level and window in HU.
 BELOW = "superior_mesenteric_artery"  # the slice
+TEXTS = {"Aorta true lumen": "Ascending aorta, true lumen", "Aorta false lumen": "False lumen",
+          "Annulus proper": "Aortic annulus"}  # names before, after  # fmt: skip
 GROUND, VESSEL_WINDOW, VIOLET = -112.0, (150.0, 900.0), (0.22, 0.1, 0.42)
 
 
@@ -223,7 +225,7 @@ def surface():
 
 
 def live():
-    """A head cut open, with an electrode of meshes in it, in Material Preview."""
+    """A head cut open, with gray values on the cut and a modeled electrode in it, in Material Preview."""
     open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_clip_objects")
     volume = yield from imported("mr-head", HEAD_MR)
     bare()
@@ -236,6 +238,18 @@ def live():
         assert bpy.ops.rle_splat.add_clip(kind="BOX", keep="OUTSIDE") == {"FINISHED"}
     box = bpy.context.view_layer.objects.active
     box.matrix_world = Matrix.LocRotScale(middle_of + Vector((half.x, -half.y, half.z)), None, half)
+    ours = volume.rle_splat
+    for kind, toward in (("sagittal", (1.0, 0.0, 0.0)), ("coronal", (0.0, -1.0, 0.0)), ("axial", (0.0, 0.0, 1.0))):
+        with in_the_view():
+            activate(volume)
+            assert bpy.ops.rle_splat.add_slice(kind=kind) == {"FINISHED"}
+        one, to_quarter = bpy.context.view_layer.objects.active, Vector((half.x, -half.y, half.z)) / 2
+        along = Vector(0.0 if side else to_quarter[axis] for axis, side in enumerate(toward))
+        # Half as large, on the cut, half a millimeter before it.
+        place = Matrix.Translation(along + 0.0005 * Vector(toward))
+        one.matrix_world = place @ one.matrix_world @ Matrix.Scale(0.5, 4)
+    ours.slices_clear_black, ours.slices_follow_window = True, False
+    ours.slice_center, ours.slice_width = 90.0, 160.0
     tip = middle_of + Vector((0.012, -0.012, 0.012))
     for name, radius, length, color in (
         ("Lead", 0.0012, 0.14, (0.9, 0.92, 0.95)),
@@ -257,7 +271,8 @@ def live():
     activate(volume)
     box.select_set(False)
     box.hide_set(True)  # with its handles
-    area_of("VIEW_3D").spaces.active.shading.color_type = "MATERIAL"
+    bpy.context.scene.view_settings.view_transform = "Standard"  # leaves gray values as they are
+    area_of("VIEW_3D").spaces.active.shading.type = "MATERIAL"
     yield from settled()
     yield from keep("how-to-live")
     passed("live")
@@ -331,7 +346,7 @@ def tutorial_of_organs():
     """From a scan with its masks beside it to a render with names."""
     open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_labels", "RLE_SPLAT_PT_slices")
     yield from begin()
-    scan = masks().parent / "Aorta CT.nii.gz"
+    scan = masks().parent / "Aorta.nii.gz"
     shutil.copyfile(DATA / AORTA / "cta_heart_aorta_120x126x164_int16.nii.gz", scan)
     bpy.context.preferences.view.render_display_type = "AREA"
     scene, view = bpy.context.scene, area_of("VIEW_3D").spaces.active
@@ -388,8 +403,8 @@ def tutorial_of_organs():
     with in_the_view():
         assert bpy.ops.rle_splat.add_names() == {"FINISHED"}
     bpy.data.objects.remove(bpy.data.objects["I"])  # the slice hides a part of it
-    for kind in ("True", "False"):
-        bpy.data.objects[f"Aorta {kind.lower()} lumen"].data.body = f"{kind} lumen"
+    for name, text in TEXTS.items():
+        bpy.data.objects[name].data.body = text
     view.overlay.show_overlays = False
     activate(volume)
     yield from settled()

@@ -37,7 +37,7 @@ SCAN = Path(__file__).parent / "data" / "scan"
 PANELS = ("display", "presets", "clip_objects", "slices", "picture", "shading")  # that are open
 SHIFT, GROW, OPAQUE = -100.0, 2.0, 0.05  # HU, mm, mm: thin walls are whole and opaque
 DULL = 0.0, 0.75  # specular and diffuse: a cut that faces the headlight is not burnt white
-LEVEL, WINDOW = 650.0, 300.0  # HU, of the slice
+LEVEL, WINDOW = 700.0, 700.0  # HU, of the slice
 DOWN = 25  # turns of the wheel from the first panel to Cut, Slices and Render
 
 
@@ -57,12 +57,15 @@ def look_from(tilt: float, turn: float, nearer: float = 1.0) -> None:
     view.view_rotation = Euler((radians(tilt), 0.0, radians(turn))).to_quaternion()
 
 
-def camera_to_view():
-    scene = bpy.context.scene
-    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+def add_camera(scene) -> None:
+    """As in a new file, which has a cube and a light, too."""
+    scene.camera = camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
     scene.collection.objects.link(camera)
-    scene.camera = camera
-    camera.matrix_world = area_of("VIEW_3D").spaces.active.region_3d.view_matrix.inverted()
+    camera.location, camera.rotation_euler = (7.36, -6.93, 4.96), (radians(63.6), 0.0, radians(46.7))
+
+
+def camera_to_view(scene) -> None:
+    scene.camera.matrix_world = area_of("VIEW_3D").spaces.active.region_3d.view_matrix.inverted()
     area_of("VIEW_3D").spaces.active.region_3d.view_perspective = "CAMERA"
 
 
@@ -89,6 +92,7 @@ def scenario():
     area_of("VIEW_3D").spaces.active.overlay.show_relationship_lines = False
     scene = bpy.context.scene
     scene.world = bpy.data.worlds.new("World")  # as in a new file
+    add_camera(scene)
     scene.render.resolution_x, scene.render.resolution_y = 800, 600
     yield from keep("tutorial-1-empty", time.perf_counter())
 
@@ -156,7 +160,7 @@ def scenario():
     bpy.context.view_layer.objects.active = volume
     look_from(62.0, -20.0, 1.85)  # a camera sees half of what a viewport does
     yield from settled()
-    camera_to_view()
+    camera_to_view(scene)
     with in_the_view():
         assert bpy.ops.rle_splat.composite() == {"FINISHED"}
         assert bpy.ops.rle_splat.add_letters() == {"FINISHED"}

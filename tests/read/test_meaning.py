@@ -35,8 +35,14 @@ def test_a_raw_file_with_the_peaks_of_air_and_water_is_ct(tmp_path):
     path, options = raw_of(tmp_path, body())
     volume = read_volume(path, **options)
     assert (volume.modality, volume.value_unit) == ("CT", "HU")
-    assert sum("peaks of air (-1000) and water (0)" in remark for remark in volume.remarks) == 1
+    assert sum("peaks of air or lungs (below -700) and water (0)" in remark for remark in volume.remarks) == 1
     assert "ct-bone" in default_transfer_function(volume)[1]
+
+
+def test_a_scan_cut_off_within_a_chest_is_ct(tmp_path):
+    """It has lungs, and next to no air."""
+    path, options = raw_of(tmp_path, body(air=-850.0)[:, :52])
+    assert read_volume(path, **options).value_unit == "HU"
 
 
 @pytest.mark.parametrize("given", [dict(modality="MR"), dict(value_unit="mg")])
