@@ -11,7 +11,6 @@ Each program draws in the environment that has it, and keeps its pictures; then 
     .venvs/bench/bin/python -m benchmarks.side_by_side presets sheet.jpg
 
 makes a sheet of presets on scans of three modalities, ``crops`` one of parts of the joined pictures, twice as large.
-The column *before* is drawn with this file, benchmarks/lamps.py and the scans in the tree of an earlier commit.
 Camera, transfer function and sun are the same.  Ours has shadows and ambient occlusion, at ``fine``.  VTK has four
 samples per voxel, no shadows, and no light but the sun and what its material adds.  It takes normals of no volume but
 that which it shows, so ``vtk-smoothed`` shows what our normals are made of: values, smoothed.  Cycles scatters light in
@@ -47,6 +46,7 @@ WORLD, OCCLUSION = 0.15, 0.8
 LAMP = (0.55, -0.6, -0.58)  # where the sun shines to, in the camera's axes: from above, on the left
 ENERGY = 3.2
 TITLE, LETTERS = 1 / 14, 1 / 23  # height of the room above each picture, and of its letters, in sides of it
+STRIP = (44, 44, 44)  # the color of that room
 BRIGHT = 0.9  # quantile of what is seen that is made equal
 
 NUCLEI = TransferFunction(
@@ -90,15 +90,15 @@ SUBJECTS = {
 }
 # Presets on scans of three modalities.
 PRESETS = {
-    "CT skull: Bone": Subject("dicom_ct_skull_phantom_512x512x140", "ct-bone", (30, 0), 0.95, *ALONE),
+    "CT skull: Bone": Subject("dicom_ct_skull_phantom_512x512x140", "ct-bone", (30, 0), 0.9, *ALONE),
     "CT heart: Angiography": Subject(HEART, "ct-angiography", (20, 5), 0.95),
     "CT chest: Soft Tissue": Subject(CHEST, "ct-soft-tissue", (20, 50), 1.08, *ALONE),
-    "CT chest: Lung": Subject(CHEST, "ct-lung", (0, 65), 1.06, *ALONE),
+    "CT chest: Lung": Subject(CHEST, "ct-lung", (0, 65), 1.16, *ALONE),
     "MR T1: Head": Subject("t1_head_188x256x190_uint8.nii.gz", "mr-head", (35, 10), 1.1),
     "MR FLAIR: Brain": Subject("flair_brain_124x160x140_uint8.nrrd", "mr-brain", (35, 25), 1.0),
-    "PET: Hot": Subject("pet_seg/dicom_pet_128x128x266", "pet-hot", (0, 0), 1.0),
+    "PET: Hot": Subject("pet_seg/dicom_pet_128x128x266", "pet-hot", (0, 0), 1.06),
     "CT engine: Industrial": Subject("engine_256x256x110_uint8.raw.gz", "ct-industrial", (-30, 20), 1.0),
-    "CT lobster: Specimen": Subject("lobster_301x324x56_uint8.raw.gz", "ct-specimen", (25, 55), 0.9,
+    "CT lobster: Specimen": Subject("lobster_301x324x56_uint8.raw.gz", "ct-specimen", (25, 55), 1.12,
                                     dict(spacing=(1.0, 1.0, 1.4))),
 }  # fmt: skip
 CROP = 120  # pixels
@@ -106,7 +106,7 @@ CROPS = {  # part -> subject, left, top
     "crown": ("CT head", 150, 5), "temple": ("CT head", 90, 90), "skull": ("skull phantom", 110, 60),
     "rib": ("chest angiography", 230, 120), "heart": ("chest angiography", 80, 110), "gyrus": ("MR brain", 60, 90),
 }  # fmt: skip
-PROGRAMS = "before", "ours", "vtk", "vtk-smoothed", "cycles"
+PROGRAMS = "ours", "vtk", "vtk-smoothed", "cycles"
 
 
 def read(subject: Subject) -> Volume:
@@ -276,10 +276,10 @@ def _place(bpy, scene: Scene) -> None:
 
 
 DRAW = {
-    "before": draw_ours, "ours": draw_ours, "vtk": draw_vtk, "vtk-smoothed": draw_vtk_smoothed, "cycles": draw_cycles,
+    "ours": draw_ours, "vtk": draw_vtk, "vtk-smoothed": draw_vtk_smoothed, "cycles": draw_cycles,
 }  # fmt: skip
 TITLES = {
-    "before": "before", "ours": "RLE Splat", "vtk": "VTK", "vtk-smoothed": "VTK, smoothed", "cycles": "Cycles",
+    "ours": "RLE Splat", "vtk": "VTK (CPU)", "vtk-smoothed": "VTK (CPU), smoothed", "cycles": "Cycles",
 }  # fmt: skip
 
 
@@ -318,12 +318,12 @@ def _save(pictures, across: int, path: Path, quality: int) -> None:
 
     size = len(pictures[0][1])
     title, font = round(TITLE * size), ImageFont.load_default(round(LETTERS * size))
-    sheet = Image.new("RGB", (size * across, (size + title) * -(-len(pictures) // across)), "white")
+    sheet = Image.new("RGB", (size * across, (size + title) * -(-len(pictures) // across)), STRIP)
     pen = ImageDraw.Draw(sheet)
     for number, (text, picture) in enumerate(pictures):
         left, top = size * (number % across), (size + title) * (number // across)
         sheet.paste(Image.fromarray(picture), (left, top + title))
-        pen.text((left + title // 5, top + title // 2), text, fill="black", font=font, anchor="lm")
+        pen.text((left + title // 5, top + title // 2), text, fill="white", font=font, anchor="lm")
     sheet.save(path, quality=quality)
 
 
@@ -335,8 +335,7 @@ def join(names, programs, path: Path, quality: int) -> None:
         for program in programs:
             rgba, seconds = _kept(name, program)
             shown = _shown(rgba, _kept(name, "ours")[0] if program == "cycles" else None)
-            text = f"{name}: {TITLES[program]}" + ("" if program == "before" else f", {seconds:.3g} s")
-            pictures.append((text, shown))
+            pictures.append((f"{name}: {TITLES[program]}, {seconds:.{1 if seconds < 10.0 else 0}f} s", shown))
             table[name][program] = seconds
     _save(pictures, len(programs), path, quality)
     print(json.dumps(table, indent=1))
@@ -353,8 +352,8 @@ def join_crops(programs, path: Path, quality: int) -> None:
 
 
 def join_presets(names, size: int, path: Path, quality: int) -> None:
-    """Draw PRESETS of some names at ``fine``, and join them to a sheet, three in a row."""
-    quality_of_ours = Quality.preset("fine", threads=1)
+    """Draw PRESETS of some names at ``strict``, and join them to a sheet, three in a row."""
+    quality_of_ours = Quality.preset("strict", threads=1)
     pictures = [(name, _shown(render(scene_of(PRESETS[name], size), quality_of_ours).rgba, None)) for name in names]
     _save(pictures, 3, path, quality)
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from .places import ROOT
 
 DRAWN = ("draw_header_preset", "draw_header", "draw")  # methods of panels and menus, as they are drawn from the top
-A_NAME = "(a name)"  # in place of a label that only a scene gives
+A_NAME = "NAME"  # in place of a label that only a scene gives
 AN_ICON = "(icon)"
 LAYOUTS = re.compile(r"layout|body|row|column|box|self\.layout")
 

@@ -152,6 +152,8 @@ def _parameters(value) -> str:
     """The parameters of a function as they are typed, without annotations: numpydoc has the types."""
     found = []
     for one in inspect.signature(value).parameters.values():
+        if one.kind is one.KEYWORD_ONLY and "*" not in found:
+            found.append("*")
         default = "" if one.default is one.empty else f"={one.default!r}"
         found.append({one.VAR_POSITIONAL: "*", one.VAR_KEYWORD: "**"}.get(one.kind, "") + one.name + default)
     return f"({', '.join(found)})"
@@ -365,7 +367,7 @@ def panels() -> str:
     for one in _of_kind("RLE_SPLAT_PT_"):
         files.setdefault(one.file, []).append(one)
     parts = []
-    for file, ours in sorted(files.items(), key=lambda entry: _place_in_tab(*entry)):
+    for file, ours in sorted(files.items(), key=lambda entry: _place_in_tab(entry[1][0])):
         known = BLENDERS | {name: (entry["name"], _meaning(entry)) for name, entry in _settings_of(file).items()}
         known |= {_text(one, "bl_idname"): (_text(one, "bl_label"), _sentence(_text(one, "bl_description") or one.doc))
                   for one in _of_kind("RLE_SPLAT_OT_")}  # fmt: skip
@@ -373,7 +375,7 @@ def panels() -> str:
         for _, name, drawn, menu in rows_of(ROOT / file, ours[0].name):
             if name in known:
                 label, meaning = _drawn(known[name][0], drawn, menu), known[name][1]
-                rows[label] = meaning if rows.get(label, meaning) == meaning else f"{rows[label]} Or: {meaning}"
+                rows.setdefault(label, meaning)
         parts.append(f"## {_text(ours[0], 'bl_label')}")
         parts.append(_sentence(ast.get_docstring(ours[0].module).partition(": ")[2] or ours[0].doc))
         parts.append(f"Where: {'; '.join(map(_where, ours))}.")
@@ -388,9 +390,10 @@ def _drawn(name: str, labels: list[str], menu: str) -> str:
     return (f"{menu} > " if menu else "") + ", ".join(text if text == A_NAME else f"*{text}*" for text in texts)
 
 
-def _place_in_tab(file: str, ours: list[Declared]) -> tuple:
-    """Panels in the order of the tab; those inside others after them."""
-    return bool(_text(ours[0], "bl_parent_id")), _text(ours[0], "bl_order") or 0, file
+def _place_in_tab(one: Declared) -> tuple:
+    """Panels in the order of the tab; those inside others after these, first those that show on their own."""
+    parent, own = _text(one, "bl_parent_id"), (_text(one, "bl_order") or 0, one.file)
+    return (*_place_in_tab(blender_classes()[parent]), own) if parent else (own,)
 
 
 def _settings_of(file: str) -> dict[str, dict]:

@@ -92,7 +92,7 @@ RECIPES = (
 LAMPS = (  # watts, size and place of area lights, in parts of the scan's longest side; watts for a side of 1 m
     ("key", 60.0, 1.0, (-1.4, -1.3, 1.3), WARM, True),
     ("fill", 12.0, 2.0, (1.8, -1.2, 0.3), COLD, False),
-    ("rim", 90.0, 1.0, (1.2, 1.6, 1.2), COLD, True),
+    ("rim", 60.0, 1.0, (0.9, 2.0, 0.9), COLD, True),
 )
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 MOST_BYTES = 450_000  # of a JPEG
+AFTER = "-after"  # ends the name of the second of a pair
 GAP, TITLE = 12, 28  # pixels between pairs, and above each
 EDGE, CENTER = (17, 19, 23), (66, 74, 86)  # colors of the backdrop
 
@@ -38,15 +39,18 @@ def save_jpeg(picture: Image.Image, path: Path, most: int = MOST_BYTES) -> int:
 
 
 def in_pairs(pictures: dict[str, Image.Image]) -> Image.Image:
-    """Four pictures in a row, each with the name before the hyphen above it, pairs with one."""
+    """Four pictures in a row, each with its name above it, and a plus if it adds to those before; or two pairs, apart,
+    with one name for both."""
     width, height = next(iter(pictures.values())).size
-    sheet = Image.new("RGB", (4 * width + GAP, (height + TITLE) * -(-len(pictures) // 4)), "white")
+    gap = GAP if any(name.endswith(AFTER) for name in pictures) else 0
+    sheet = Image.new("RGB", (4 * width + gap, (height + TITLE) * -(-len(pictures) // 4)), "white")
     pen, font = ImageDraw.Draw(sheet), ImageFont.load_default(18)
     for number, (name, picture) in enumerate(pictures.items()):
-        left, top = width * (number % 4) + GAP * (number % 4 // 2), (height + TITLE) * (number // 4)
+        left, top = width * (number % 4) + gap * (number % 4 // 2), (height + TITLE) * (number // 4)
         sheet.paste(picture, (left, top + TITLE))
-        if not name.endswith("-after"):
-            pen.text((left + 2, top + 3), name.partition("-")[0].capitalize(), fill="black", font=font)
+        if not name.endswith(AFTER):
+            title = ("" if gap or number < 2 else "+ ") + name.partition("-")[0].capitalize()
+            pen.text((left + 2, top + 3), title, fill="black", font=font)
     return sheet
 
 

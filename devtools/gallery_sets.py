@@ -123,8 +123,8 @@ def nuclei(stage: Stage):
     ours.slice_center, ours.slice_width = 14000.0, 26000.0
     bar = BAR_UM / SIDE_UM * stage.size
     white = emission("Letters", (0.85, 0.87, 0.9))
-    scale_bar("20 µm", Matrix.Translation(stage.at(-0.32, -0.46, 0.01)), bar, 0.035 * stage.size, white)
-    stage.camera((0.42, -1.25, 1.3), lens=44.0, aim=(-0.03, -0.05, 0.0))
+    scale_bar("20 µm", Matrix.Translation(stage.at(-0.3, -0.56, 0.01)), bar, 0.035 * stage.size, white)
+    stage.camera((0.42, -1.25, 1.3), lens=43.0, aim=(-0.02, -0.1, 0.0))
     stage.without_background(12)
     stage.key(3.2, (-1.3, -0.5, 1.1))
     stage.area("Rim", 40.0, (1.4, 1.2, 0.9), COLD)

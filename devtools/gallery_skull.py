@@ -130,7 +130,7 @@ def skull(stage: Stage):
     bpy.ops.rle_splat.change_segment(tool="GROW", length=2.0)  # so that thin walls are whole
     for row in ours.labels:
         row.show = row.label_name == "Body"
-    titanium = material("Titanium", (0.5, 0.52, 0.56), roughness=0.3, metallic=1.0)
+    titanium = material("Titanium", (0.5, 0.52, 0.56), roughness=0.42, metallic=1.0)
     bpy.ops.rle_splat.extract_surface(of="VALUE", value=SOLID)
     bone = bpy.context.view_layer.objects.active
     _plate(stage, bone, titanium)

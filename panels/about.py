@@ -1,4 +1,4 @@
-"""The About panel: what the pictures are not for, and the licenses."""
+"""The About panel: intended use and licenses."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The Time panel: which of the volumes in time is shown."""
+"""The Time panel: which time point of a series is shown."""
 
 import bpy
 

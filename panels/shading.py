@@ -23,18 +23,14 @@ class RLE_SPLAT_PT_shading(OfVolume, bpy.types.Panel):
         owner = volumes.volume_object(context)
         properties = owner.rle_splat
         settings = context.scene.rle_splat
-        if encoded.is_of(owner):
+        is_encoded = encoded.is_of(owner)
+        if is_encoded:
             paragraph(context, layout, encoded.STORED_VALUES, icon="INFO")
-            _draw_scene(context.scene, layout)
-            return
-        layout.prop(properties, "lighting")
-        unused = first_light.unused_lights(context.scene, properties.lighting)
-        if unused:
-            paragraph(context, layout, unused, icon="INFO")
-        paragraph(context, layout, world_state(context.scene, properties.lighting), icon="WORLD")
-        if world_render.is_needed(context.scene):
-            layout.operator("rle_splat.update_world_light", icon="FILE_REFRESH")
+        else:
+            _draw_source(context, layout, properties)
         _draw_scene(context.scene, layout)
+        if is_encoded:
+            return
         layout.prop(properties, "use_shading")
         column = layout.column()
         column.active = properties.use_shading and not is_pre_classified(settings)
@@ -43,6 +39,17 @@ class RLE_SPLAT_PT_shading(OfVolume, bpy.types.Panel):
         column.active = properties.use_shading
         for name in ("ambient", "diffuse", "specular", "shininess", "highlight", "two_sided"):
             column.prop(properties, name)
+
+
+def _draw_source(context, layout, properties) -> None:
+    """Which lights shine on the volume, and what of the scene's lights and world is left out."""
+    layout.prop(properties, "lighting")
+    unused = first_light.unused_lights(context.scene, properties.lighting)
+    if unused:
+        paragraph(context, layout, unused, icon="INFO")
+    paragraph(context, layout, world_state(context.scene, properties.lighting), icon="WORLD")
+    if world_render.is_needed(context.scene):
+        layout.operator("rle_splat.update_world_light", icon="FILE_REFRESH")
 
 
 def _draw_scene(scene, layout) -> None:

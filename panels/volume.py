@@ -1,4 +1,4 @@
-"""The top of the tab: which volume, its views, and whether what is shown is up to date."""
+"""The top of the tab: the active volume, its views and its status."""
 
 import bpy
 

@@ -31,6 +31,7 @@ _HOME = {
     # what is in the picture
     "Scene": ("scene", "Scene"),
     "turntable": ("view.turntable", "turntable"),
+    "look_at": ("view.look_at", "look_at"),
     "Camera": ("scene", "Camera"),
     "Light": ("scene", "Light"),
     "Environment": ("scene", "Environment"),
@@ -64,6 +65,7 @@ _HOME = {
 }
 
 __all__ = list(_HOME)
+_HOME["__version__"] = ("runtime.cache_folder", "RELEASE")
 
 
 def __getattr__(name):

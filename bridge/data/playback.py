@@ -27,12 +27,12 @@ class Playback:
     """Mix-in for the property group of a volume object."""
 
     frame_count: IntProperty(
-        name="Time Points", description="Number of volumes in time that the source holds", default=1, min=1
+        name="Time Points", description="Number of time points that the source holds", default=1, min=1
     )
     data_frame: IntProperty(
         name="Frame of the Hash", description="Frame whose voxels have the data hash", default=1, min=1,
         options={"HIDDEN"})  # fmt: skip
-    playback: LiveEnum(name="Playback", description="Which of the volumes in time is shown", items=PLAYBACK_ITEMS)
+    playback: LiveEnum(name="Playback", description="Which time point of the series is shown", items=PLAYBACK_ITEMS)
     frame: LiveInt(name="Time Point", description="Volume to show, from 1; 0 is the first", default=0, min=0)
     frame_offset: LiveInt(
         name="Offset", description=("Number added to the frame of the timeline. With 0 and a step"

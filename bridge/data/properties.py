@@ -54,7 +54,7 @@ CLASSIFICATION_ITEMS = [
     (name, *CLASSIFICATION_TEXTS[name], "", number) for name, number in zip(tables.CLASSIFICATIONS, (0, 2), strict=True)
 ]
 QUALITY_ITEMS = [(name, *texts) for name, texts in QUALITY_TEXTS.items()] + [
-    ("paper", "Original 2003 Method", "The reference algorithm, exactly as in its paper of 2003, for comparison"),
+    ("paper", "Original 2003 Method", "The algorithm exactly as published in 2003, for comparison"),
     ("custom", "Custom", "Set every option in the Advanced panel"),
 ]
 
@@ -78,15 +78,16 @@ PLAIN_TEXTS = {
     "classification": "Whether values become opacity and color before or after they are interpolated",
     "depth_rule": "How many layers are computed between neighboring slices, and how they are added up along the view",
     "sheet_density": "Pixels of a layer per pixel of the picture; 0 is one per voxel",
-    "kernel": "Shape in which a voxel is drawn; only Linear if Interpolate is Values",
-    "minification": "What prevents shimmer where voxels are smaller than pixels; only Off if Interpolate is Values",
+    "kernel": "Shape in which a voxel is drawn. With Interpolate: Values it is always Linear",
+    "minification": "What prevents shimmer where voxels are smaller than pixels. With Interpolate: Values it is "
+    "always Off",
     "warp_filter": "How the finished layers become the pixels of the picture",
     "axis_fade": "Degrees over which two stacks of slices are blended as the camera turns, so that the picture does "
     "not jump; only in orthographic views",
     "termination": "Skip what is behind material that lets less than this share of light pass (early ray termination)",
     "rays": "Compute pixels that differ from a neighbor by at least this much exactly, by ray casting; slower. 1 is "
-    "from black to white, 0 is off. Only if Interpolate is Values",
-    "model": "What is added up where voxels overlap; only Extinction if Interpolate is Values",
+    "from black to white, 0 is off. Needs Interpolate: Values",
+    "model": "What is added up where voxels overlap. With Interpolate: Values it is always Extinction",
     "record": "Bytes in memory for each voxel; fewer lose accuracy",
 }
 
@@ -193,7 +194,8 @@ class SceneSettings(bpy.types.PropertyGroup):
     use_shadows: LiveBool(
         name="Shadows",
         default=True,
-        description="Let lights whose own Shadow option is on cast shadows of the volume and of meshes on the volume",
+        description="Let the volume and meshes cast shadows on the volume. Only lights whose own Shadow option is on "
+        "cast them",
     )
     use_world: LiveBool(
         name="World Light",
@@ -215,8 +217,8 @@ class SceneSettings(bpy.types.PropertyGroup):
     )  # fmt: skip
     indirect_light: LiveFloat(
         name="Indirect Light", default=0.0, min=0.0, max=1.0, precision=2,
-        description="Scatter the light of lamps that cast shadows, so that skin, fat and thin parts are translucent; "
-        "1 is full strength")  # fmt: skip
+        description="Scatter the light of scene lights that cast shadows, so that skin, fat and thin parts are "
+        "translucent; 1 is full strength")  # fmt: skip
     clip_objects: LivePointer(
         name="Cutting Objects",
         type=bpy.types.Collection,

@@ -140,7 +140,7 @@ class SourceOptions:
         **switch("frame", 0, 1))  # fmt: skip
     use_sequence: BoolProperty(
         name="Sequence", description="Read files whose names differ in their last number alone, such as "
-        "smoke_0001.vdb, as volumes in time", default=False)  # fmt: skip
+        "smoke_0001.vdb, as a time series", default=False)  # fmt: skip
     modality: EnumProperty(name="Modality", description="Kind of scanner or simulation", items=MODALITY_ITEMS)
 
 

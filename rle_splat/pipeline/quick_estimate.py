@@ -21,21 +21,23 @@ TYPICAL_PIECE = 4  # visible voxels side by side in a row of a scan, where nothi
 
 
 def estimate(
-    volume, tf, quality: Quality | None = None, *, axes: int = 1, shaded: bool | None = None, picture: int = 0
-) -> MemoryEstimate:
+    volume, transfer_function, quality: Quality | None = None, *, axes: int = 1, shaded: bool | None = None,
+    picture: int = 0,
+) -> MemoryEstimate:  # fmt: skip
     """What tables of a volume take, quickly: visible voxels are counted for 8- and 16-bit volumes, else, and for the
     number of runs, in a few planes.
 
     Parameters
     ----------
     volume : Volume
-    tf : TransferFunction
+    transfer_function : TransferFunction
     quality : Quality, optional
-        By default, that of pre-classified voxels.
+        By default ``Quality()``, as of ``render``.
     axes : int
         How many principal axes are held, mostly one.
     shaded : bool, optional
-        Whether something shines; by default, as the transfer function has it.
+        Whether the picture is lit; by default, if the transfer function has ``shade``. Shadows and ambient occlusion
+        take more.
     picture : int
         Bytes of the sheets and finished pixels, which the estimate adds; 0 for the tables alone.
 
@@ -43,11 +45,9 @@ def estimate(
     -------
     MemoryEstimate
     """
-    shaded = tf.shade is not None if shaded is None else shaded
-    return estimate_visible(
-        count_in_planes(volume, tf), quality or Quality(classification="pre"), axes=axes, shaded=shaded,
-        picture=picture,
-    )  # fmt: skip
+    shaded = transfer_function.shade is not None if shaded is None else shaded
+    count = count_in_planes(volume, transfer_function)
+    return estimate_visible(count, quality or Quality(), axes=axes, shaded=shaded, picture=picture)
 
 
 def count_in_planes(volume, tf) -> VoxelCount:

@@ -52,7 +52,8 @@ OPAQUE, SHIFT, GROW, SMOOTH = 0.05, -100.0, 2.0, 2.0  # mm, HU, mm, mm: thin wal
 SHORTER, AHEAD = 0.85, -0.008  # of the slice, toward the front in meters: the head holder is beyond it
 COLUMNS = 45, 105, 190  # of buttons, pixels from the sidebar's right edge
 LEVEL, WINDOW, BEFORE = 575.0, 850.0, 0.001  # HU, of the slice, and how far it lies before the cut, in meters
-OPEN = "520x500+80+150"  # of a frame
+RIGHT = 320  # of the dialogs, which the captions leave free, in pixels
+OPEN = "480x500+90+150"  # of a frame
 # Over the seconds that a render took, which are those of a busy machine: the background beside them.
 NO_SECONDS = "( +clone -crop 300x22+400+55 +repage ) -geometry +12+55 -composite".split()
 STILLS = {  # pictures of the pages: the frames side by side, and the part of each
@@ -119,7 +120,7 @@ def corners_of(one) -> tuple[Vector, Vector]:
 
 
 def studio(volume) -> None:
-    """A floor, lamps and a camera for the render, and the viewport through it."""
+    """A floor, lights and a camera for the render, and the viewport through it."""
     sys.path.append(str(Path(__file__).parents[2] / "devtools"))
     from gallery_studio import COLD, Stage, softbox_world
 
@@ -158,7 +159,7 @@ def cut(volume):
     ours.slice_center, ours.slice_width = LEVEL, WINDOW
     face = box.matrix_world @ Vector((-1.0, 0.0, 0.0))
     yield from scroll_sidebar(DOWN)
-    yield from click("bpy.ops.rle_splat.add_slice", "sagittal", "Add a slice: gray values on the cut")
+    yield from click("bpy.ops.rle_splat.add_slice", "sagittal", "Add a slice")
     made = bpy.context.view_layer.objects.active
     made.scale[max((0, 1), key=lambda axis: abs(made.matrix_world.col[axis].y))] *= SHORTER
     to_cut = Vector((face.x - BEFORE - made.matrix_world.translation.x, AHEAD, 0.0))
@@ -210,7 +211,7 @@ def scenario():
     yield from wait_for_rest()  # with the pictures of presets
     volume.select_set(False)  # its frame is orange while it is selected
     yield from settled()
-    yield from frame(HOLD, "In true size, and the head holder is hidden")
+    yield from frame(HOLD, "True scale, head holder hidden")
     yield from click("bpy.ops.rle_splat.apply_preset", "ct-muscle", "Click a preset")
     yield from frame(HOLD)
     yield from click("bpy.ops.rle_splat.apply_preset", "ct-soft-tissue", "Click a preset", COLUMN)
@@ -221,7 +222,7 @@ def scenario():
     ours = volume.rle_splat
     ours.shift_by, ours.opacity_unit_distance, ours.smoothness = SHIFT, OPAQUE, SMOOTH
     yield from settled()
-    yield from frame(HOLD, "Shift -100 HU: thin bone is whole")
+    yield from frame(HOLD, "Shift -100 HU for thin bone")
     yield from drag("MIDDLEMOUSE", middle(-50.0), middle(120.0), "Turn the view")
     yield from frame(HOLD // 2)
     yield from frame(1, name="whole")
@@ -229,9 +230,10 @@ def scenario():
     studio(volume)
     with in_the_view():
         assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+        assert bpy.ops.rle_splat.add_letters() == {"FINISHED"}
     mouse.clear()
     yield from settled()
-    yield from frame(HOLD, "Add lamps, a floor and a camera")
+    yield from frame(HOLD, "Lights, floor, camera, letters")
     yield from rendered()
     yield from frame(2 * HOLD, "F12")
     save()
@@ -247,7 +249,7 @@ def save() -> None:
         arrow = " ".join(f"{at[0] + x},{window().height - at[1] + y}" for x, y in ARROW) if at else ""
         words = ["-fill", "white", "-stroke", "black", "-draw", f"polygon {arrow}"] if at else []
         words += ["-stroke", "none", "-font", FONT, "-gravity", "SouthWest", "-pointsize", "24",
-                  "-fill", "white", "-undercolor", "#000c", "-annotate", "+44+30", f" {caption} "]  # fmt: skip
+                  "-fill", "white", "-undercolor", "#000c", "-annotate", f"+{RIGHT}+30", f" {caption} "]  # fmt: skip
         words = [*NO_SECONDS, *words] if caption == "F12" else words
         subprocess.run(["convert", str(folder / f"frame-{number:03}.png"), *words, str(path)], check=True)
         pictures += ["-delay", str(CENTISECONDS * times), str(path)]

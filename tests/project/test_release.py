@@ -39,7 +39,8 @@ def test_sizes_are_stated(tmp_path, monkeypatch, capsys):
 def test_changes_are_the_section_of_this_version(tmp_path, monkeypatch):
     page = tmp_path / "CHANGELOG.md"
     page.write_text(
-        "# Changelog\n\n## Unreleased\n\n- new\n\n## 9.9 - 2026-11-28\n\n- second\n\n### Added\n- first\n\n## 9.8 - 2026-11-27\n\n- old\n"
+        "# Changelog\n\n## Unreleased\n\n- new\n\n## 9.9 - 2026-11-28\n\n- second\n\n### Added\n- first\n\n"
+        "## 9.8 - 2026-11-27\n\n- old\n"
     )
     monkeypatch.setattr(release, "CHANGELOG", page)
     for version, text in (("9.9", "\n- second\n\n### Added\n- first\n"), ("9.8", "\n- old\n")):
