@@ -10,6 +10,8 @@ import json
 import math
 import os
 import sys
+from dataclasses import replace
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +28,7 @@ VIEWS = ((0, 0), (90, 0), (180, 0))  # azimuth and elevation
 OBLIQUE = ("--azimuth", "30", "--elevation", "15", "--fit", "0.95")
 SMALL, POSTER, EYE = 360, 3600, (735, 2470)  # pixels: a picture's side, a poster's, and where a part of it begins
 TILE, WORKERS = 90, ("#4477aa", "#ee6677", "#228833", "#ccbb44")  # pixels; a color for each
-MOST_BYTES = 80_000
+MOST_BYTES, BLACK = 80_000, (0.0, 0.0, 0.0)
 TURN = tuple((20 + 60 * n, 15) for n in range(6))
 CLOSE = ("--azimuth", "30", "--elevation", "20", "--fit", "0.42", "--size", "400")
 STEPS = (  # of the strip, after the slices: pictures of the documentation, and the part of each
@@ -83,10 +85,10 @@ def command_lines(folder: Path) -> list[list[str]]:
     """The figures, a turntable, and a part of the skull in two qualities."""
     skull, views, turn = skull_words(folder), *([w for v in views for w in ("--view", *map(str, v))]
                                                 for views in (VIEWS, TURN))  # fmt: skip
-    page = ["figure", *skull, "--columns", "3", "--fit", "0.96", "--quality", "fine"]
+    page = ["figure", *skull, "--columns", "3", "--fit", "1.06", "--quality", "fine"]
     return [
         [*page, *views, "-o", str(folder / "figure-skull.svg"), "-o", str(folder / "figure-skull.png")],
-        [*page, *turn, *(word for turned, _ in TURN for word in ("--title", f"{turned}°")), "--sides", "off",
+        [*page, *turn, *(word for turned, _ in TURN for word in ("--title", f"{turned}°")),
          "--scale-bar", "off", "--no-color-bar", "--caption", "", "--dpi", "200",
          "-o", str(folder / "how-to-turn.png")],
         *(["render", *skull, *CLOSE, "--quality", quality, "-o", str(folder / f"how-to-{quality}.png")]
@@ -109,11 +111,12 @@ def beside(folder: Path, name: str, *pictures: Image.Image) -> None:
 
 
 def picture_and_depth(folder: Path) -> None:
-    """The picture and the depth of the page on Python, as that page makes them, but for the transfer function."""
+    """The picture, the depth and the cut picture of the page on Python, as that page makes them, but for the transfer
+    function."""
     import rle_splat as rs
 
     volume = rs.read_volume(skull_words(folder)[0])
-    camera, matrix = rs.turntable(volume, azimuth=30, elevation=20, fit=0.75)
+    camera, matrix = rs.turntable(volume, azimuth=30, elevation=20, fit=0.95)
     file = folder / "boxes.json"
     clips = rs.Clip.list_from_json(file) if file.is_file() else ()
     function = rs.TransferFunction.from_json(folder / "bone.json")
@@ -122,11 +125,18 @@ def picture_and_depth(folder: Path) -> None:
     seen = made.rgba[..., 3] > 0.5
     near, far = np.quantile(made.depth[seen], (0.01, 0.99))
     gray = np.where(seen, np.clip(1.0 - 0.85 * (made.depth - near) / (far - near), 0.0, 1.0), 0.0)
-    shown = np.where(made.rgba <= 0.0031308, 12.92 * made.rgba, 1.055 * np.maximum(made.rgba, 0.0) ** (1 / 2.4) - 0.055)
-    shown[..., 3] = 1.0  # black behind
-    depth = np.stack([gray, gray, gray, np.ones_like(gray)], axis=-1)
-    beside(folder, "how-to-python", *(Image.fromarray(np.uint8(np.rint(255.0 * np.clip(one, 0.0, 1.0))), "RGBA")
-                                      for one in (shown, depth)))  # fmt: skip
+    center = (matrix @ volume.affine @ (*(np.array(volume.shape_xyz) - 1) / 2, 1.0))[:3]
+    own = rs.Camera(
+        type="PERSP", matrix_world=rs.look_at(center + (150.0, -400.0, 120.0), center), lens=80.0, clip_start=1.0,
+        clip_end=2000.0,
+    )  # fmt: skip
+    sun = rs.Light(type="SUN", energy=3.0, matrix_world=rs.look_at(center + (-0.4, -1.0, 0.6), center))
+    cut = rs.Clip(kind="plane", matrix_world=rs.look_at(center + (0.0, -1.0, 0.0), center))
+    lit = replace(scene, camera=own, lights=(sun,), headlight=False, volume_shadows=True, clips=(*clips, cut))
+    pictures = [rs.png_bytes(rs.render(one, rs.Quality.preset("fine")).rgba, background=BLACK) for one in (scene, lit)]
+    shown, opened = (Image.open(BytesIO(one)).convert("RGBA") for one in pictures)
+    depth = Image.fromarray(np.uint8(np.rint(255.0 * gray)), "L").convert("RGBA")
+    beside(folder, "how-to-python", shown, depth, opened)
 
 
 def from_parts(folder: Path) -> None:

@@ -1,4 +1,4 @@
-"""Volumes in time: which frame of its source a volume object shows.
+"""Time series: which frame of its source a volume object shows.
 
 The source is a file or a series that holds several volumes, or numbered files that hold one each.  A frame is numbered
 from 1, as on the command line.

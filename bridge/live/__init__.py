@@ -192,7 +192,7 @@ def _tick():
 
 
 def _views_in_time() -> list:
-    """(Viewport, volume object, Depsgraph) for all volumes in time that viewports show."""
+    """(Viewport, volume object, Depsgraph) for all time series that viewports show."""
     found = []
     for address, live in _lives.items():
         owners = [owner for owner in map(shown.find, live.keys) if owner is not None]

@@ -1,4 +1,4 @@
-"""Drafts of the frames to come, of volumes in time: made while nothing else is done, for what is kept of them.
+"""Drafts of the frames to come, of time series: made while nothing else is done, for what is kept of them.
 
 New voxels need their normals and a new label map its boundaries, for a draft of which a frame of playback is too short.
 So each viewport makes drafts of the frames that were read ahead once its own view is refined, and shows none of them.

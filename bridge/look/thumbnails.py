@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import zipfile
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import bpy
@@ -24,13 +24,14 @@ from ...rle_splat.runtime.cache_folder import cache_folder
 from ...rle_splat.runtime.steps import announce, rescale
 from ...rle_splat.runtime.whole_files import whole_files
 from ...rle_splat.scene import RleSplatError
-from ...rle_splat.volume.reduced import factors_of, reduce_steps
+from ...rle_splat.segment.label_map import BACKGROUND
+from ...rle_splat.volume.reduced import factors_of, majority, reduce_steps
 from .. import live
 from ..held import Held
 from ..loop import store, timer
 from ..pictures.canvas import redraw_sidebars
 from ..scene import viewports
-from ..volumes import volumes
+from ..volumes import labels, volumes
 from . import preset_entries
 from .preset_entries import Entry
 
@@ -86,7 +87,8 @@ def stop() -> None:
 
 def _key(owner, entry: Entry) -> tuple:
     properties = owner.rle_splat
-    return owner.session_uid, properties.data_key, entry.is_own, entry.name, entry.stamp
+    beside = properties.label_file if labels.hides_rest(owner) else ""
+    return owner.session_uid, properties.data_key, beside, entry.is_own, entry.name, entry.stamp
 
 
 def icon(owner, entry: Entry) -> int:
@@ -149,10 +151,12 @@ def _begin() -> bool:
     for key, wanted in list(_wanted.items()):
         owner = wanted.owner.find()
         volume = None if owner is None else volumes.at_hand(owner)
-        if volume is None or not volume.holds_values:
+        without_rest = volume is not None and labels.hides_rest(owner)
+        if volume is None or not volume.holds_values or (without_rest and not labels.are_at_hand(owner, volume)):
             del _wanted[key]  # the panel asks again when it is drawn the next time
             continue
-        _work.append((wanted, picture_steps(wanted.entry, volume)))
+        segments = labels.map_at_hand(owner, volume) if without_rest else None
+        _work.append((wanted, picture_steps(wanted.entry, volume, segments)))
         return True
     return False
 
@@ -183,8 +187,15 @@ def _show(key: tuple, pixels: np.ndarray) -> None:
     preview.image_pixels_float.foreach_set(rgba.ravel())
 
 
-def picture_steps(entry: Entry, volume):
+def picture_steps(entry: Entry, volume, segments=None):
     """Generator of Progress: the thumbnail of a preset, from the disk or rendered and then kept there.
+
+    Parameters
+    ----------
+    entry : Entry
+    volume : Volume
+    segments : Volume, optional
+        The label map of a volume whose rest, which is in no segment, is hidden.
 
     Returns
     -------
@@ -197,23 +208,33 @@ def picture_steps(entry: Entry, volume):
         If the preset cannot be read, or nothing can be rendered, or its kernels would have to be compiled first.
     """
     function, _ = yield from rescale(preset_entries.transfer_steps(entry, volume), 0.0, 0.1)
-    key = thumbnail_key(volume, function)
+    key = thumbnail_key(volume, function, segments)
     kept = load_file(key)
     if kept is not None:
         return kept
     # The viewport has compiled the kernels of others.
     if function.gradient_opacity is not None and jit.compiled() and not jit.shipped_level():
         raise RleSplatError("A preset with gradient opacity has no picture here, since it would take long.")
-    of_volume = "thumbnails", volume.key
+    of_volume = "thumbnails", volume.key, segments and segments.key
     coarse = store.find(of_volume)
     if coarse is None:
-        small = yield from announce(reduce_steps(volume, factors_of(volume, VOXELS)), 0.1, 0.5, "reducing the volume")
+        small = yield from announce(_reduced_steps(volume, segments), 0.1, 0.5, "reducing the volume")
         coarse = Coarse(small, StageCache(CACHE_BYTES))
         store.put(COARSE, of_volume, coarse)
     spacing = float(volume.spacing.min())
     pixels = yield from rescale(thumbnail_steps(coarse.volume, function, spacing, coarse.cache), 0.5, 1.0)
     save_file(key, pixels)
     return pixels
+
+
+def _reduced_steps(volume, segments):
+    """Generator of fractions done: a coarser volume, with its lowest value in what is in no segment."""
+    factors = factors_of(volume, VOXELS)
+    small = yield from reduce_steps(volume, factors)
+    if segments is None:
+        return small
+    found = yield from reduce_steps(segments, factors, majority)
+    return replace(small, voxels=np.where(found.voxels == BACKGROUND, small.voxels.min(), small.voxels))
 
 
 def file_folder() -> Path:

@@ -38,7 +38,7 @@ class Wish(NamedTuple):
 
 
 ANY = 0  # in place of a scene: the entry is that of any time
-FRAME = "frame"  # of the purpose (FRAME, key): a volume in time, or its labels, that its object may show next
+FRAME = "frame"  # of the purpose (FRAME, key): a time point, or its labels, that its object may show next
 
 _entries: dict = {}  # key -> value
 _wanted: dict = {}  # Wish -> key, the least recently used first
@@ -152,7 +152,7 @@ def _is_of_frame(wish: Wish) -> bool:
 
 
 def frame_wish(owner, key: tuple) -> Wish:
-    """The wish for one of the volumes in time of an object, or for its labels."""
+    """The wish for a time point of an object, or for its labels."""
     return Wish(owner.session_uid, ANY, (FRAME, key))
 
 

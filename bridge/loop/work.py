@@ -2,7 +2,7 @@
 
 Viewports, slices and a backdrop that follows the scene ask for what a volume object shows now.  What is wanted stays in
 the queue until it is read, or until the object shows something else.  Slices in full and the backdrop come next.  When
-nothing else is done, the frames that follow of volumes in time are read ahead, until all are in memory or it is full.
+nothing else is done, the frames that follow of time series are read ahead, until all are in memory or it is full.
 During playback frames are read in turn and shown in turn, some late: packed files can only be read in turn.
 Scripts and background mode do not wait for timers: they read at once.
 """
@@ -141,7 +141,7 @@ def _followed(scene, playing: bool) -> list:
 
 @persistent
 def consider(_scene=None, depsgraph=None) -> None:
-    """Handler: read the frames that follow ahead, of volumes in time that follow the timeline or keyframes."""
+    """Handler: read the frames that follow ahead, of time series that follow the timeline or keyframes."""
     if not bpy.app.background and (depsgraph is None or depsgraph.mode != "RENDER"):
         _ahead[0] = 1
         _looked.clear()

@@ -121,6 +121,20 @@ def are_used(owner) -> bool:
     return bool(owner.rle_splat.label_file) and len(owner.rle_splat.labels) > 0
 
 
+def hides_rest(owner) -> bool:
+    """Whether a volume object hides what is in no segment, such as the table beside a body."""
+    return are_used(owner) and any(row.label == BACKGROUND and not row.show for row in owner.rle_splat.labels)
+
+
+def map_at_hand(owner, volume):
+    """The label map of a volume object if it is in memory, else None."""
+    try:
+        found = store.find(file_of(owner).key(volume))
+    except RleSplatError:
+        return None
+    return None if found is None else found.volume
+
+
 def are_at_hand(owner, volume, depsgraph=None, ahead: int = 0) -> bool:
     """Whether the labels of a volume object are in memory, or their file is missing, which ``load_steps`` says."""
     try:

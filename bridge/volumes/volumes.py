@@ -85,7 +85,7 @@ def source_of(owner, frame: int) -> VolumeSource:
     Parameters
     ----------
     frame : int
-        Which of the volumes in time, from 1.
+        Which time point, from 1.
     """
     properties = owner.rle_splat
     if not properties.is_volume:

@@ -20,7 +20,7 @@ def add_frames_option(parser) -> None:
     group = parser.add_argument_group("frames", "several pictures, OUT_0001.png, OUT_0002.png, ...")
     group.add_argument(
         "--frames", nargs=2, type=int, metavar=("A", "B"),
-        help="render frames A to B, counted from 1; of --turn, of --camera-path, or else of a volume in time; pictures "
+        help="render frames A to B, counted from 1; of --turn, of --camera-path, or else of a time series; pictures "
         "that are there already, whole and of the same scene, are not made again",
     )  # fmt: skip
     group.add_argument("--turn", type=float, metavar="DEG", help="degrees by which the turntable turns each frame")
@@ -31,7 +31,7 @@ def add_frames_option(parser) -> None:
     )
     group.add_argument(
         "--like", type=int, metavar="N",
-        help="the frame whose transfer function and view all frames of a volume in time have (default A)",
+        help="the frame whose transfer function and view all frames of a time series have (default A)",
     )  # fmt: skip
     group.add_argument("--again", action="store_true", help="make all frames, also those that are there already")
 
@@ -109,7 +109,7 @@ def each_frame(args) -> Sequence:
 
 
 def is_in_time(args) -> bool:
-    """Whether frames are those of a volume in time; else they differ in their view alone."""
+    """Whether frames are those of a time series; else they differ in their view alone."""
     return args.turn is None and args.camera_path is None
 
 
@@ -122,7 +122,7 @@ def _check(args) -> None:
     if args.frame is not None and args.frames is not None and is_in_time(args):
         raise RleSplatError("--frame and --frames contradict each other; give one of the two.")
     if args.like is not None and not is_in_time(args):
-        raise RleSplatError("--like is for volumes in time; remove it, or --turn and --camera-path.")
+        raise RleSplatError("--like is for a time series; remove it, or --turn and --camera-path.")
     if args.like is not None and args.like < 1:
         raise RleSplatError(f"--like is {args.like}; give the number of a frame, counted from 1.")
     if args.turn is not None and not abs(args.turn) <= 360.0:

@@ -28,7 +28,7 @@ DEPTH = 3.0
 FAINT = 1e-4
 
 
-def thumbnail_key(volume: Volume, function: TransferFunction) -> str:
+def thumbnail_key(volume: Volume, function: TransferFunction, segments: Volume | None = None) -> str:
     """Hash of all that a thumbnail depends on.
 
     Parameters
@@ -37,8 +37,11 @@ def thumbnail_key(volume: Volume, function: TransferFunction) -> str:
         The whole one.
     function : TransferFunction
         In its values.
+    segments : Volume, optional
+        The label map without whose rest the volume is shown.
     """
-    parts = (KIND, SIDE, VOXELS, volume.key, volume.space, function.key)
+    beside = () if segments is None else (segments.key,)
+    parts = (KIND, SIDE, VOXELS, volume.key, volume.space, function.key, *beside)
     return hashlib.blake2b(repr(parts).encode(), digest_size=16).hexdigest()
 
 

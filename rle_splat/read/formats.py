@@ -222,7 +222,7 @@ def read_volume(path, **options) -> Volume:
     value_unit, modality : str
         Such as "HU" and "CT".
     frame : int
-        Of several volumes in time, in one file or in files such as smoke_0001.vdb: which one, from 1.
+        Of a time series, in one file or in files such as smoke_0001.vdb: the time point, from 1.
     level : int
         Of OME-Zarr the level of the pyramid, 0 for the finest, by default the finest that fits into memory. Of other
         formats every 2^level-th voxel along each axis is read, by default all.

@@ -92,7 +92,7 @@ def frame_remark(frame: int, frames: int, axis: str = "time") -> tuple:
     if frames == 1:
         return ()
     if axis == "time":
-        return (f"There are {frames} volumes in time; frame {frame} was read.",)
+        return (f"There are {frames} time points; time point {frame} was read.",)
     axis += "" if "time" in axis.split(" and ") else ", not in time"
     return (f"There are {frames} volumes that differ in {axis}; number {frame} was read.",)
 

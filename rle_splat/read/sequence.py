@@ -1,4 +1,4 @@
-"""Numbered files, such as smoke_0001.vdb and smoke_0002.vdb, as volumes in time: one file, one frame."""
+"""Numbered files, such as smoke_0001.vdb and smoke_0002.vdb, as a time series: one file, one time point."""
 
 import math
 import re

@@ -5,6 +5,7 @@ The generator that a timer drives in a window is driven here as it is; window_pr
 
 from dataclasses import replace
 
+import bpy
 import numpy as np
 import pytest
 
@@ -51,8 +52,9 @@ def entries(bridge, owner):
     return {entry.name: entry for group in groups for entry in group.entries}
 
 
-def picture(thumbnails, bridge, owner, name):
-    steps = thumbnails.picture_steps(entries(bridge, owner)[name], bridge("volumes.volumes").load_volume(owner))
+def picture(thumbnails, bridge, owner, name, segments=None):
+    volume = bridge("volumes.volumes").load_volume(owner)
+    steps = thumbnails.picture_steps(entries(bridge, owner)[name], volume, segments)
     while True:
         try:
             next(steps)
@@ -123,6 +125,35 @@ def test_in_the_background_nothing_is_rendered(ball, thumbnails, bridge, cache):
         assert thumbnails.icon(ball, entry) == 0
     assert thumbnails._tick not in bridge("loop.timer")._due
     assert not thumbnails.rendered and not cache.exists()
+
+
+def test_a_hidden_rest_is_left_out(ball, thumbnails, bridge, cache):
+    """The lower half of the ball is in no segment, and has a picture of its own while it is hidden."""
+    name = next(iter(entries(bridge, ball)))
+    whole = picture(thumbnails, bridge, ball, name)
+    volume = bridge("volumes.volumes").load_volume(ball)
+    segments = replace(volume, voxels=(np.mgrid[:30, :24, :26][0] >= 19).astype(np.uint8))
+    half = picture(thumbnails, bridge, ball, name, segments)
+    background, (rows, _columns) = whole[0, 0], (whole != whole[0, 0]).any(axis=2).nonzero()
+    middle = (rows.min() + rows.max()) // 2
+    assert (half[middle + 6 :] == background).all() and (half[: middle - 6] != background).any()
+    assert len(thumbnails.rendered) == 2 and np.array_equal(picture(thumbnails, bridge, ball, name), whole)
+
+
+def test_what_hides_the_rest_asks_for_other_pictures(ball, thumbnails, bridge, cache, tmp_path):
+    labels, entry = bridge("volumes.labels"), next(iter(entries(bridge, ball).values()))
+    path = tmp_path / "cube_segments_26x24x30_uint8.raw"
+    path.write_bytes((np.mgrid[:30, :24, :26][0] >= 19).astype(np.uint8).tobytes())
+    ball.rle_splat.label_file = str(path)
+    bpy.ops.rle_splat.read_labels()
+    shown = thumbnails._key(ball, entry)
+    assert not labels.hides_rest(ball)
+    next(row for row in ball.rle_splat.labels if row.label == 0).show = False
+    assert labels.hides_rest(ball) and thumbnails._key(ball, entry) != shown
+    volume = bridge("volumes.volumes").load_volume(ball)
+    assert labels.map_at_hand(ball, volume).voxels.max() == 1
+    path.unlink()
+    assert labels.map_at_hand(ball, volume) is None
 
 
 def test_the_timer_makes_what_is_asked_for_in_short_steps(ball, thumbnails, bridge, cache, monkeypatch):

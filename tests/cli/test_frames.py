@@ -212,7 +212,7 @@ def test_frames_of_a_rle_file_in_tiles_are_kept(raw, call, raw_options, tmp_path
     (("--turn", 5), "--turn has no effect on one picture"),
     (("--again",), "--again has no effect on one picture"),
     (("--frames", 1, 2, "--turn", 400), "--turn is 400; give degrees from -360 to 360"),
-    (("--frames", 1, 2, "--turn", 4, "--like", 1), "--like is for volumes in time"),
+    (("--frames", 1, 2, "--turn", 4, "--like", 1), "--like is for a time series"),
     (("--frames", 1, 2, "--like", 0), "--like is 0; give the number of a frame"),
     (("--frames", 1, 2, "--turn", 4, "--camera", "c.json"), "--turn and --camera contradict each other"),
     (("--camera-path", "{}"), "does not hold a list"),

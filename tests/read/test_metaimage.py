@@ -143,7 +143,7 @@ def test_frames_and_channels(tmp_path):
     text = HEADER + "ElementNumberOfChannels = 4\nElementDataFile = LOCAL\n"
     (tmp_path / "b.mha").write_bytes(text.encode() + side_by_side.tobytes())
     for frame in (1, 3):
-        for name, words in (("a.mha", "volumes in time"), ("b.mha", "differ in channel")):
+        for name, words in (("a.mha", "time points"), ("b.mha", "differ in channel")):
             volume = read_volume(tmp_path / name, frame=frame)
             np.testing.assert_array_equal(volume.voxels, values[frame - 1])
             assert words in volume.remarks[0] and volume.frames == 4

@@ -129,7 +129,7 @@ def test_a_fourth_axis_is_frames(tmp_path, first):
         assert volume.frames == 6
         np.testing.assert_array_equal(volume.voxels.transpose(2, 1, 0), values[..., frame - 1])
         np.testing.assert_allclose(volume.affine, AFFINES["oblique"], rtol=1e-14)
-    words = "differ in list" if first else "6 volumes in time"
+    words = "differ in list" if first else "6 time points"
     assert words in read_volume(tmp_path / "a.nrrd").remarks[-1]
 
 

@@ -76,7 +76,7 @@ def test_time_alone_is_frames(tmp_path):
     tifffile.imwrite(tmp_path / "a.tif", values, imagej=True, metadata={"axes": "TZYX"})
     volume = read_volume(tmp_path / "a.tif", frame=2)
     np.testing.assert_array_equal(volume.voxels, values[1])
-    assert "3 volumes in time; frame 2 was read" in volume.remarks[-1]
+    assert "3 time points; time point 2 was read" in volume.remarks[-1]
 
 
 @pytest.mark.parametrize("given", ["", "s2.tif", "s10.tif"])
