@@ -125,7 +125,7 @@ def studio(volume) -> None:
     from gallery_studio import COLD, Stage, softbox_world
 
     stage, settings = Stage.of(volume, FOLDER), bpy.context.scene.rle_splat
-    stage.camera(TOWARD, lens=64.0, aim=(0.04, -0.06, -0.07))
+    stage.camera(TOWARD, lens=60.0, aim=(0.04, -0.06, -0.07))
     stage.sweep(TOWARD, stage.foot, (0.05, 0.055, 0.065))
     stage.key(2.9, (-1.73, -0.9, 1.5))
     stage.area("Rim", 60.0, (1.6, 1.4, 1.2), COLD)
@@ -194,7 +194,7 @@ def scenario():
     scene, view = bpy.context.scene, area_of("VIEW_3D").spaces.active
     scene.render.engine, scene.cycles.samples, scene.cycles.device = "CYCLES", 12, "CPU"
     scene.view_settings.view_transform = "Standard"
-    scene.render.resolution_x, scene.render.resolution_y = 1000, 620
+    scene.render.resolution_x, scene.render.resolution_y = 880, 570
     view.overlay.show_relationship_lines = False
     point("MOUSEMOVE", "NOTHING", middle(60.0))
     yield from frame(HOLD, "Blender, an empty scene")
@@ -222,6 +222,7 @@ def scenario():
     ours = volume.rle_splat
     ours.shift_by, ours.opacity_unit_distance, ours.smoothness = SHIFT, OPAQUE, SMOOTH
     yield from settled()
+    yield from wait_for_rest()  # with the pictures of presets, which show the grown segment
     yield from frame(HOLD, "Shift -100 HU for thin bone")
     yield from drag("MIDDLEMOUSE", middle(-50.0), middle(120.0), "Turn the view")
     yield from frame(HOLD // 2)
