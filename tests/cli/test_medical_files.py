@@ -61,7 +61,7 @@ def test_info_says_how_the_patient_lies(call, tmp_path, scan):
     values = np.zeros((4, 5, 6, 3), np.uint8)
     nibabel.save(nibabel.Nifti1Image(values, np.eye(4)), tmp_path / "time.nii")
     result = call("info", tmp_path / "time.nii", "--frame", "2")
-    assert "3; --frame chooses one" in result.out and "frame 2 was read" in result.out
+    assert "3; --frame chooses one" in result.out and "time point 2 was read" in result.out
 
 
 def test_an_encoded_patient_is_seen_from_the_front_too(call, tmp_path, scan, function_file):
