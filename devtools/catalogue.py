@@ -16,26 +16,29 @@ PAGE = ROOT / "docs" / "explanation" / "stability.md"
 WIDTHS = ("float32", "float64")
 HEAD = """# Hard cases, and what holds in each
 
-`python3 dev.py test --catalogue` writes this page from the tests in `tests/stability`; do not edit it by hand. Each
-line is one bound that a test asserts: the case, what is bounded, the bound, and the largest figure measured in 32-bit
-sums and in the 64-bit sums of pictures of more than 16,384 sheets. "-" marks cases without sums. A test
-whose figure exceeds its bound fails, and no page is written. The ids are those of
-[the algorithm](algorithm.md#3-numerical-stability).
+This page lists the bounds that hold for extreme input, and what holds in unusual situations in Blender.
+`python3 dev.py test --catalogue` writes the page from the tests in `tests/stability`; do not edit it by hand. Each
+line is one bound that a test asserts. It has the case, what is bounded, the bound, and the largest figure measured
+in 32-bit sums and in the 64-bit sums of pictures of more than 16,384 sheets. "-" marks cases without sums. If a
+figure exceeds its bound, the test fails and no page is written. The ids are those of [the
+algorithm](algorithm.md#3-numerical-stability).
 
-`python3 dev.py test --mutations` shows that each guard is needed: it puts naive forms in place of stable ones and
-checks that these tests notice. `python3 dev.py test --fuzz SECONDS` searches for more cases with new seeds.
+`python3 dev.py test --mutations` shows that each guard is needed: it replaces stable forms by naive ones and checks
+that these tests notice. `python3 dev.py test --fuzz SECONDS` searches for more cases with new seeds.
 
-Numbers at the edge are treated alike under every classification:
+Every classification treats extreme numbers in the same way:
 
-- NaN voxels are transparent, and counted in the report. Where values are interpolated before they are classified, a
-  cell is transparent when any of its corners is NaN.
-- Infinite voxels take the transfer function's value at its nearest end. So do finite ones beyond the ends.
-- Post-classified sheets hold float64, int32 and uint32 values as float32: whole numbers beyond 2^24 lose their last
-  digits. Where the largest value is less than twice the smallest, the middle is subtracted first and less is lost.
+- NaN voxels are transparent, and the report counts them. Where values are interpolated before they are classified,
+  a cell is transparent if any of its corners is NaN.
+- Infinite voxels take the transfer function's value at its nearest end. So do finite voxels beyond the ends.
+- Post-classified sheets hold float64, int32 and uint32 values as float32, so whole numbers beyond 2^24 lose their
+  last digits. If the largest value is less than twice the smallest, the middle is subtracted first and less is
+  lost.
 - A step of a transfer function is taken from the right. A range of a single value is a step.
-- An opacity of 1 is an optical depth of 24 ln 2 per opacity distance, the largest that float32 tells from infinity.
-- Colors, and lit colors, may be up to 1e9 times white. More gives an error.
-- An opacity distance below 1e-26 world units is taken as 1e-26: what it applies to is opaque in any case.
+- An opacity of 1 is an optical depth of 24 ln 2 per opacity distance, the largest that float32 distinguishes from
+  infinity.
+- Colors, and lit colors, may be up to 1e9 times white. Brighter colors give an error.
+- An opacity distance below 1e-26 world units is taken as 1e-26. What it applies to is opaque in any case.
 - Matrices hold entries up to 1e100, and lengths of a camera lie from 1e-50 to 1e50. Others give an error.
 
 | id | case | what is bounded | at most | float32 | float64 |
