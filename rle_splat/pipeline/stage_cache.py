@@ -69,7 +69,7 @@ class StageCache:
     def job(self, frame=None) -> Job:
         """A new job, which reads this cache and stores its own results in it when all of its work is done.
 
-        ``frame``: key of a time series, whose results are counted by themselves, so that a loop makes each frame
+        ``frame``: key of a time point, whose results are counted by themselves, so that a loop makes each frame
         once, as far as there is memory.
         """
         return Job(self, frame)
