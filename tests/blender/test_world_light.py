@@ -290,7 +290,7 @@ def test_what_the_panel_says_of_the_world(ball, bridge, monkeypatch):
     scene.world = None
     assert "has none" in state(scene)
     _, background = new_world()
-    assert "no lights" in state(scene)
+    assert "once there is a light" in state(scene)
     background.inputs["Strength"].default_value = 0.0
     assert "black" in state(scene)
     image_world()
