@@ -299,7 +299,7 @@ def test_what_the_panel_says_of_the_world(ball, bridge, monkeypatch):
     assert "not rendered yet" in state(scene)
     scene.rle_splat.use_world = False
     assert "turned off" in state(scene)
-    assert "see Light Source" in state(scene, "HEADLIGHT")
+    assert "not part of this Light Source" in state(scene, "HEADLIGHT")
 
 
 def test_what_changes_a_world_changes_its_light(ball, bridge, tmp_path):
