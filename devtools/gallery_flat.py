@@ -75,7 +75,7 @@ def _surface(stage: Stage, label: int, coat):
     made = bpy.context.view_layer.objects.active
     made.data.materials.clear()
     made.data.materials.append(coat)
-    made.modifiers.new("Cage", "WIREFRAME").thickness = 0.45 * MM  # its uptake is seen
+    made.modifiers.new("Cage", "WIREFRAME").thickness = 0.7 * MM  # its uptake is seen
     return made
 
 

@@ -61,7 +61,8 @@ class Volume:
         Sentences about anything unusual in the data.
     space : {"patient"} or None
         "patient" if the volume's own space is that of a patient: millimeters along the patient's left, back and head
-        (LPS), which are the world's axes. None if the file does not say where the axes point.
+        (LPS), which are the world's axes. None if the file does not say where the axes point: pictures then follow the
+        voxel axes, and left and right may be swapped.
     frames : int
         How many volumes the source holds; this one is one of them.
     frame_axis : str
