@@ -111,7 +111,7 @@ def _color_bar(place: Matrix, width: float, height: float, size: float, coat) ->
         x = width * (value / SUV - 0.5)
         rod("Tick", place @ Vector((x, low, 0.0)), place @ Vector((x, low - 0.3 * size, 0.0)), 0.7 * MM, coat)
         letters(str(value), place @ Matrix.Translation((x, low - 0.9 * size, 0.0)), size, coat)
-    letters("SUVbw", place @ Matrix.Translation((0.0, -low + 0.8 * size, 0.0)), size, coat)
+    letters("FDG, SUVbw in g/ml", place @ Matrix.Translation((0.0, -low + 0.8 * size, 0.0)), size, coat)
 
 
 def pet(stage: Stage):
