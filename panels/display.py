@@ -14,6 +14,7 @@ from ..rle_splat.volume.volume import PATIENT
 from .places import DataTab, OfVolume, paragraph
 
 MINIP = "Air is the smallest value on most lines of sight: cut the volume to a slab with Cut > Add Box"
+HIDDEN = "This mode shows hidden segments, too, such as a table: cut them off with Cut > Add Box"
 LABELS = {preset.label.casefold(): preset.label for preset in PRESETS.values()}  # as the menu has them
 WIDE = 50.0  # range of values above which a drag shifts by whole units
 
@@ -42,6 +43,8 @@ class DisplayPanel:
         if properties.mode != MODES[0]:
             if properties.mode == "minip" and not clip_objects.clip_objects(context.scene):
                 paragraph(context, layout, MINIP, icon="INFO")
+            if not all(row.show for row in properties.labels):
+                paragraph(context, layout, HIDDEN, icon="INFO")
         is_encoded = encoded.is_of(owner)
         is_there = properties.transfer is not None and transfer_nodes.is_transfer_tree(properties.transfer)
         name = properties.transfer_name if is_there or is_encoded else ""

@@ -16,7 +16,7 @@ import bpy
 import numpy as np
 import pytest
 
-from tests.blender import layout_recorder
+from tests.blender import layout_recorder, scenes
 from tests.blender.broken_panels import BROKEN, broken_panel
 from tests.blender.panel_states import SENTENCE, STATES
 from tests.blender.real_blender import MODULE
@@ -113,6 +113,17 @@ def test_a_volume_without_transfer_function_names_none(monkeypatch, tmp_path):
 def test_a_preset_is_named_as_in_its_menu(volume_object, monkeypatch):
     assert bpy.ops.rle_splat.apply_preset(preset="ct-bone") == {"FINISHED"}
     assert ("text", "CT Bone") in draw_all(monkeypatch)
+
+
+def test_modes_say_that_they_show_hidden_segments(monkeypatch, tmp_path):
+    owner = scenes.import_raw(tmp_path, scenes.ball())
+    path = tmp_path / "segments.raw"
+    path.write_bytes((scenes.ball() > 100).astype("uint8").tobytes())
+    owner.rle_splat.label_file = str(path)
+    bpy.ops.rle_splat.read_labels()
+    for display, show, said in (("mip", True, False), ("mip", False, True), ("composite", False, False)):
+        owner.rle_splat.display, owner.rle_splat.labels[0].show = display, show
+        assert ("shows hidden segments" in " ".join(texts(draw_all(monkeypatch)).split())) == said
 
 
 def test_effects_have_titles(volume_object, monkeypatch):
