@@ -93,6 +93,8 @@ def command_lines(folder: Path) -> list[list[str]]:
          "-o", str(folder / "how-to-turn.png")],
         *(["render", *skull, *CLOSE, "--quality", quality, "-o", str(folder / f"how-to-{quality}.png")]
           for quality in ("draft", "fine")),
+        *(["render", skull[0], "--preset", "ct-bone", *turned, "--size", "512", "-o", str(folder / f"{name}.png")]
+          for name, turned in (("out", ()), ("side", ("--azimuth", "30", "--elevation", "20")))),
         ["render", *skull, *OBLIQUE, "--size", str(SMALL), "-o", str(folder / "whole.png")],
         ["render", *skull, *OBLIQUE, "--size", str(SMALL), "--level", "2", "-o", str(folder / "coarse.png")],
         ["render", *skull, *OBLIQUE, "--size", str(POSTER), "--crop", *map(str, EYE), *(str(at + SMALL) for at in EYE),
@@ -143,6 +145,7 @@ def from_parts(folder: Path) -> None:
     """The pictures that are put together from others."""
     whole, coarse, part = (Image.open(folder / f"{name}.png").convert("RGBA") for name in ("whole", "coarse", "part"))
     beside(folder, "how-to-coarse", coarse, whole)
+    beside(folder, "first-picture", *(Image.open(folder / f"{name}.png").convert("RGBA") for name in ("out", "side")))
     framed, scale = whole.copy(), SMALL / POSTER
     corners = [scale * at for at in (*EYE, EYE[0] + SMALL, EYE[1] + SMALL)]
     ImageDraw.Draw(framed).rectangle(corners, outline="#ffb000", width=2)

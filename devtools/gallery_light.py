@@ -35,8 +35,8 @@ class Recipe:
 
 
 def _bone(stage: Stage) -> None:
-    stage.lamp("Sun", "SUN", 3.0, (-1.4, -1.3, 1.3), WARM, angle=0.05)
-    stage.area("Rim", 40.0, (1.6, 1.4, 0.8), COLD, use_shadow=True)
+    stage.lamp("Sun", "SUN", 4.2, (-1.4, -1.3, 1.3), WARM, angle=0.05)
+    stage.area("Rim", 80.0, (1.6, 1.4, 0.8), COLD, use_shadow=True)
     stage.settings.ambient_occlusion = 0.7
 
 
@@ -66,10 +66,10 @@ def _smoke(stage: Stage) -> None:
 def _values(stage: Stage) -> None:
     ours = stage.volume.rle_splat
     ours.display = "mip"
-    ours.window_center, ours.window_width = 700.0, 1400.0
+    ours.window_center, ours.window_width = 450.0, 1100.0
 
 
-SOFTBOXES = (((-1.5, -0.7, 1.0), 24.0, (9.0, 8.4, 7.6)), ((1.5, 0.6, 0.4), 16.0, (3.0, 4.4, 6.2)))
+SOFTBOXES = (((-1.5, -0.7, 1.0), 24.0, (14.0, 13.0, 12.0)), ((1.5, 0.6, 0.4), 16.0, (5.0, 7.0, 9.5)))
 OPAQUE = {"opacity_unit_distance": 0.05, "smoothness": 2.0, "shift_by": -100.0}  # mm, mm, HU: thin bone is whole
 RECIPES = (
     Recipe("bone", SKULL, _bone, {"preset": "ct-bone"}, OPAQUE, aim=(0.0, 0.0, -0.06), lens=72.0),
@@ -92,7 +92,7 @@ RECIPES = (
 LAMPS = (  # watts, size and place of area lights, in parts of the scan's longest side; watts for a side of 1 m
     ("key", 60.0, 1.0, (-1.4, -1.3, 1.3), WARM, True),
     ("fill", 12.0, 2.0, (1.8, -1.2, 0.3), COLD, False),
-    ("rim", 60.0, 1.0, (0.9, 2.0, 0.9), COLD, True),
+    ("rim", 110.0, 1.0, (0.9, 2.0, 0.9), COLD, True),
 )
 
 

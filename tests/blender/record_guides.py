@@ -230,7 +230,9 @@ def live():
     volume = yield from imported("mr-head", HEAD_MR)
     bare()
     volume.rle_splat.smoothness, bpy.context.scene.rle_splat.quality = 2.0, "fine"
-    look_from(64.0, 40.0, 0.5)
+    view = area_of("VIEW_3D").spaces.active
+    view.lens, view.overlay.show_extras = 85.0, False  # without the box
+    look_from(68.0, 40.0, 0.68)
     corners = import_module(f"{MODULE}.bridge.volumes.box").world_corners(volume)
     middle_of, half = Vector(corners.mean(axis=0)), Vector(np.ptp(corners, axis=0)) / 2
     with in_the_view():
@@ -259,7 +261,7 @@ def live():
             bpy.ops.mesh.primitive_cylinder_add(radius=radius, depth=length)
         one = bpy.context.view_layer.objects.active
         one.name = name
-        along = Vector((0.35, -0.45, 0.8)).normalized()
+        along = Vector((0.6, -0.35, 0.75)).normalized()
         one.matrix_world = (
             Matrix.Translation(tip + along * length / 2) @ along.to_track_quat("Z", "Y").to_matrix().to_4x4()
         )
