@@ -24,6 +24,7 @@ from tests.blender.window_driver import (
     passed,
     photograph,
     until,
+    wait_for_rest,
 )
 
 FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_film_"))
@@ -160,7 +161,7 @@ def slices(volume):
     next(one for one in volume.rle_splat.labels if one.label == 2).show = True
     with in_the_view():
         assert bpy.ops.rle_splat.add_slice(kind="ALL") == {"FINISHED"}
-    yield from settled()
+    yield from wait_for_rest()  # with the pictures of the slices, which the photograph shows
 
 
 def f12(volume):
