@@ -8,16 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from rle_splat.scene import Light, Scene
+from rle_splat.view.look_at import look_at
 
 
 def shining(along) -> np.ndarray:
     """(4, 4) matrix of a light that shines along a direction."""
-    back = -np.asarray(along, float) / np.linalg.norm(along)
-    side = np.cross((0.0, 0.0, 1.0), back)
-    side /= np.linalg.norm(side)
-    matrix = np.eye(4)
-    matrix[:3, :3] = np.stack((side, np.cross(back, side), back), axis=1)
-    return matrix
+    return look_at((0.0, 0.0, 0.0), along)
 
 
 def _sun(along, energy: float, color=(1.0, 1.0, 1.0)) -> Light:
