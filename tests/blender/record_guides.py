@@ -1,16 +1,14 @@
-"""Pictures of the how-to guides and of the tutorial on organs, photographed in a real window.
+"""Pictures of the how-to guides, photographed in a real window.
 
     python3 dev.py blender --photograph tests/blender/record_guides.py --size 1280x800
 
-writes how-to-*.jpg and organs-*.jpg into build/window-shots/record_guides.  In tests/blender/data are: ``scan``, the
+writes how-to-*.jpg into build/window-shots/record_guides.  In tests/blender/data are: ``scan``, the
 DICOM series of the gallery's skull; ``cta_aorta_labels``, the dissected aorta with its segments; and the files of RAW,
 FOOT and HEAD_MR.
 how-to-preferences.jpg is a part of preferences.png of window_panels.py, without paths.
 """
 
-import os
 import shutil
-import subprocess
 import tempfile
 from importlib import import_module
 from math import radians
@@ -18,70 +16,25 @@ from pathlib import Path
 
 import bpy
 import numpy as np
-from mathutils import Euler, Matrix, Vector
+from mathutils import Matrix, Vector
 
+from tests.blender.guide_steps import AORTA, DATA, SCANS, activate, bare, begin, beside, keep, lamp, look_from
 from tests.blender.real_blender import MODULE
 from tests.blender.user_steps import middle, press, scroll_sidebar, settled, simulate
 from tests.blender.window_driver import (
-    SHOTS,
     area_of,
     drive,
     in_the_view,
-    new_file,
     open_panels,
     passed,
-    photograph,
-    until,
     wait_for_rest,
-    window,
 )
 
-DATA = Path(__file__).parent / "data"
-HEAD, ORGANS, QUALITY = "620x560+140+170", "540x610+160+140", "70"
+HEAD = "620x560+140+170"
 BEATING, PANEL, REPORT = "280x330+380+230", "260x330+990+448", "975x695+280+82"
-RAW, AORTA = "cthead_256x256x113_uint16be.raw.gz", "cta_aorta_labels"
+RAW = "cthead_256x256x113_uint16be.raw.gz"
 FOOT, HEAD_MR = "foot_256x256x256_uint8_fromjpeg.raw.gz", "t1_head_188x256x190_uint8.nii.gz"
-SCANS = Path("/scans")  # of the small system: a path that a reader could have
 PANELS = ("transfer", "slices", "shading")  # that are open
-# Of the tutorial on organs: the slice's place in mm and its level and window in HU.
-BELOW = "superior_mesenteric_artery"  # the slice
-TEXTS = {"Aorta true lumen": "Ascending aorta, true lumen", "Aorta false lumen": "False lumen",
-          "Annulus proper": "Aortic annulus"}  # names before, after  # fmt: skip
-GROUND, VESSEL_WINDOW, VIOLET = -112.0, (150.0, 900.0), (0.22, 0.1, 0.42)
-
-
-def keep(name: str, part: str = ""):
-    """A photograph, or the part of it, as JPEG."""
-    yield from photograph(name)
-    path = Path(os.environ[SHOTS]) / f"{name}.png"
-    crop = ["-crop", part, "+repage"] if part else []
-    subprocess.run(["convert", str(path), *crop, "-quality", QUALITY, str(path.with_suffix(".jpg"))], check=True)
-
-
-def beside(name: str, *parts: str) -> None:
-    """Pictures in a row, as one."""
-    folder = Path(os.environ[SHOTS])
-    words = [str(folder / f"{part}.jpg") for part in parts]
-    subprocess.run(["convert", *words, "-bordercolor", "black", "-border", "2", "+append", "-resize", "1100x>",
-                    "-quality", QUALITY, str(folder / f"{name}.jpg")], check=True)  # fmt: skip
-    for part in parts:
-        (folder / f"{part}.jpg").unlink()
-
-
-def look_from(tilt: float, turn: float, nearer: float = 0.6) -> None:
-    view = area_of("VIEW_3D").spaces.active.region_3d
-    view.view_rotation = Euler((radians(tilt), 0.0, radians(turn))).to_quaternion()
-    view.view_distance *= nearer
-
-
-def begin():
-    """A new file whose window has the viewport alone."""
-    simulate("MOUSEMOVE", "NOTHING", (-9, -9))  # no area is moved while the mouse is in a region
-    yield
-    yield from new_file()
-    with bpy.context.temp_override(window=window(), area=area_of("PROPERTIES")):
-        bpy.ops.screen.area_close()
-    yield
 
 
 def imported(preset: str, name: str, **given):
@@ -109,17 +62,6 @@ def skull():
         assert bpy.ops.rle_splat.remove_table() == {"FINISHED"}
     yield from settled()
     return volume
-
-
-def activate(volume) -> None:
-    bpy.context.view_layer.objects.active = volume
-
-
-def bare() -> None:
-    """The viewport without floor, axes and cursor."""
-    overlay = area_of("VIEW_3D").spaces.active.overlay
-    overlay.show_relationship_lines = overlay.show_cursor = False
-    overlay.show_floor = overlay.show_axis_x = overlay.show_axis_y = False
 
 
 def curve():
@@ -318,117 +260,6 @@ def raw_file():
     passed("raw file")
 
 
-def masks() -> Path:
-    """A folder of masks as TotalSegmentator writes them; that of both lumina is split."""
-    import nibabel  # the extension brings it
-
-    folder = SCANS / "segmentations"
-    folder.mkdir(parents=True, exist_ok=True)
-    for path in (DATA / AORTA).glob("mask_*.nii.gz"):
-        shutil.copyfile(path, folder / path.name.removeprefix("mask_"))
-    both = nibabel.load(DATA / AORTA / "labels_true_false_lumen_uint8.nii.gz")
-    for value, name in ((1, "aorta_true_lumen"), (2, "aorta_false_lumen")):
-        one = (np.asarray(both.dataobj) == value).astype(np.uint8)
-        nibabel.save(nibabel.Nifti1Image(one, both.affine), folder / f"{name}.nii.gz")
-    return folder
-
-
-def lamp(kind: str, name: str, energy: float, place, **settings) -> None:
-    """A lamp that shines to the scan's middle; ``place``: from there."""
-    data = bpy.data.lights.new(name, kind)
-    data.energy = energy
-    for key, value in settings.items():
-        setattr(data, key, value)
-    made = bpy.data.objects.new(name, data)
-    bpy.context.scene.collection.objects.link(made)
-    made.matrix_world = Matrix.Translation(place) @ Vector(place).to_track_quat("Z", "Y").to_matrix().to_4x4()
-
-
-def tutorial_of_organs():
-    """From a scan with its masks beside it to a render with names."""
-    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_labels", "RLE_SPLAT_PT_slices")
-    yield from begin()
-    scan = masks().parent / "Aorta.nii.gz"
-    shutil.copyfile(DATA / AORTA / "cta_heart_aorta_120x126x164_int16.nii.gz", scan)
-    bpy.context.preferences.view.render_display_type = "AREA"
-    scene, view = bpy.context.scene, area_of("VIEW_3D").spaces.active
-    scene.world = bpy.data.worlds.new("World")  # as in a new file
-    scene.render.engine, scene.cycles.samples, scene.cycles.device = "CYCLES", 16, "CPU"
-    scene.render.resolution_x, scene.render.resolution_y = 1200, 900
-    scene.view_settings.view_transform = "Standard"
-    view.overlay.show_relationship_lines = False
-    with in_the_view():
-        bpy.ops.rle_splat.import_volume("INVOKE_DEFAULT", filepath=str(scan), at_cursor=True)
-    yield from wait_for_rest()
-    yield from keep("organs-1-dialog")
-    yield from press("RET", middle())
-    yield from until(lambda: any(one.rle_splat.is_volume for one in bpy.data.objects))
-    volume = bpy.context.view_layer.objects.active
-    look_from(76.0, 35.0, 0.55)
-    yield from settled()
-    yield from wait_for_rest()
-    yield from keep("organs-2-imported")
-    yield from keep("whole", ORGANS)
-    ours = volume.rle_splat
-    false = next(n for n, row in enumerate(ours.labels) if row.label_name == "aorta_false_lumen")
-    ours.active_label, ours.labels[false].color = false, VIOLET
-    for row in ours.labels:
-        row.show = row.label != 0 and row.label_name != BELOW
-    yield from settled()
-    yield from keep("alone", ORGANS)
-    beside("how-to-isolate", "whole", "alone")
-    with in_the_view():
-        assert bpy.ops.rle_splat.add_slice(kind="axial") == {"FINISHED"}
-    bpy.context.view_layer.objects.active.rle_splat.slice_position = GROUND
-    ours.slices_follow_window = False
-    ours.slice_center, ours.slice_width = VESSEL_WINDOW
-    activate(volume)
-    yield from settled()
-    yield from keep("organs-3-slice")
-    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_labels", "RLE_SPLAT_PT_slices")
-    lamp("SUN", "Sun", 3.0, (0.32, -0.5, 0.4), angle=radians(3.0))
-    lamp("AREA", "Rim", 8.0, (0.4, 0.4, 0.3), size=0.25, color=(0.62, 0.78, 1.0), use_shadow=False)
-    ours.lighting, scene.rle_splat.ambient_occlusion, scene.rle_splat.quality = "SCENE", 0.7, "fine"
-    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
-    scene.collection.objects.link(camera)
-    look_from(80.0, 35.0, 1.9)  # a camera sees half of what a viewport does
-    yield from settled()
-    scene.camera, camera.matrix_world = camera, view.region_3d.view_matrix.inverted()
-    view.region_3d.view_perspective = "CAMERA"
-    view.shading.type = "MATERIAL"
-    view.shading.use_scene_lights = view.shading.use_scene_world = True
-    with in_the_view():
-        bpy.ops.view3d.view_center_camera()
-        assert bpy.ops.rle_splat.composite() == {"FINISHED"}
-        assert bpy.ops.rle_splat.add_letters() == {"FINISHED"}
-    volume.select_set(False)
-    with in_the_view():
-        assert bpy.ops.rle_splat.add_names() == {"FINISHED"}
-    bpy.data.objects.remove(bpy.data.objects["I"])  # the slice hides a part of it
-    for name, text in TEXTS.items():
-        bpy.data.objects[name].data.body = text
-    view.overlay.show_overlays = False
-    activate(volume)
-    yield from settled()
-    yield from keep("organs-4-names")
-    ended = []
-    bpy.app.handlers.render_complete.append(lambda *_: ended.append(True))
-    yield from press("F12", middle())
-    yield from until(lambda: ended and not bpy.app.is_job_running("RENDER"))
-    yield from wait_for_rest()
-    half = window().width // 2, window().height // 2
-    for value in ("PRESS", "RELEASE"):  # the whole picture, as large as the window
-        window().event_simulate(type="HOME", value=value, x=half[0], y=half[1], shift=True)
-    yield
-    yield from wait_for_rest()
-    yield from keep("organs-5-rendered")
-    path = Path(os.environ[SHOTS]) / "organs-figure.png"
-    bpy.data.images["Render Result"].save_render(str(path))
-    subprocess.run(["convert", str(path), "-quality", "88", str(path.with_suffix(".jpg"))], check=True)
-    shutil.rmtree(SCANS)
-    passed("tutorial of organs")
-
-
 def ventricle(phase: float, side: int = 96) -> np.ndarray:
     """A bowl as a left ventricle is one, uint8: relaxed at phase 0, contracted and with a thicker wall at 1."""
     z, y, x = np.meshgrid(*3 * (np.linspace(-1.0, 1.0, side),), indexing="ij")
@@ -504,7 +335,7 @@ def scenario():
 
 
 PARTS = (
-    curve, window_tool, set_up_slices, smoothness, table, surface, raw_file, live, pinned, tutorial_of_organs, in_time,
+    curve, window_tool, set_up_slices, smoothness, table, surface, raw_file, live, pinned, in_time,
     reported,
 )  # fmt: skip
 drive(scenario)

@@ -1,0 +1,73 @@
+"""What the recorders of guides and tutorials share: a bare window, photographs as JPEG, and lights."""
+
+import os
+import subprocess
+from math import radians
+from pathlib import Path
+
+import bpy
+from mathutils import Euler, Matrix, Vector
+
+from tests.blender.user_steps import simulate
+from tests.blender.window_driver import SHOTS, area_of, new_file, photograph, window
+
+DATA = Path(__file__).parent / "data"
+AORTA = "cta_aorta_labels"
+QUALITY = "70"
+SCANS = Path("/scans")  # of the small system: a path that a reader could have
+
+
+def keep(name: str, part: str = ""):
+    """A photograph, or the part of it, as JPEG."""
+    yield from photograph(name)
+    path = Path(os.environ[SHOTS]) / f"{name}.png"
+    crop = ["-crop", part, "+repage"] if part else []
+    subprocess.run(["convert", str(path), *crop, "-quality", QUALITY, str(path.with_suffix(".jpg"))], check=True)
+
+
+def beside(name: str, *parts: str) -> None:
+    """Pictures in a row, as one."""
+    folder = Path(os.environ[SHOTS])
+    words = [str(folder / f"{part}.jpg") for part in parts]
+    subprocess.run(["convert", *words, "-bordercolor", "black", "-border", "2", "+append", "-resize", "1100x>",
+                    "-quality", QUALITY, str(folder / f"{name}.jpg")], check=True)  # fmt: skip
+    for part in parts:
+        (folder / f"{part}.jpg").unlink()
+
+
+def look_from(tilt: float, turn: float, nearer: float = 0.6) -> None:
+    view = area_of("VIEW_3D").spaces.active.region_3d
+    view.view_rotation = Euler((radians(tilt), 0.0, radians(turn))).to_quaternion()
+    view.view_distance *= nearer
+
+
+def begin():
+    """A new file whose window has the viewport alone."""
+    simulate("MOUSEMOVE", "NOTHING", (-9, -9))  # no area is moved while the mouse is in a region
+    yield
+    yield from new_file()
+    with bpy.context.temp_override(window=window(), area=area_of("PROPERTIES")):
+        bpy.ops.screen.area_close()
+    yield
+
+
+def activate(volume) -> None:
+    bpy.context.view_layer.objects.active = volume
+
+
+def bare() -> None:
+    """The viewport without floor, axes and cursor."""
+    overlay = area_of("VIEW_3D").spaces.active.overlay
+    overlay.show_relationship_lines = overlay.show_cursor = False
+    overlay.show_floor = overlay.show_axis_x = overlay.show_axis_y = False
+
+
+def lamp(kind: str, name: str, energy: float, place, **settings) -> None:
+    """A lamp that shines to the scan's middle; ``place``: from there."""
+    data = bpy.data.lights.new(name, kind)
+    data.energy = energy
+    for key, value in settings.items():
+        setattr(data, key, value)
+    made = bpy.data.objects.new(name, data)
+    bpy.context.scene.collection.objects.link(made)
+    made.matrix_world = Matrix.Translation(place) @ Vector(place).to_track_quat("Z", "Y").to_matrix().to_4x4()

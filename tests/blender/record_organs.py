@@ -1,0 +1,145 @@
+"""Pictures of the tutorial on organs, photographed in a real window.
+
+    python3 dev.py blender --photograph tests/blender/record_organs.py --size 1280x800
+
+writes organs-*.jpg and how-to-isolate.jpg into build/window-shots/record_organs.  In tests/blender/data is
+``cta_aorta_labels``, the dissected aorta with its segments.
+"""
+
+import os
+import shutil
+import subprocess
+from math import radians
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+from tests.blender.guide_steps import AORTA, DATA, SCANS, activate, begin, beside, keep, lamp, look_from
+from tests.blender.user_steps import middle, press, settled
+from tests.blender.window_driver import (
+    SHOTS,
+    area_of,
+    drive,
+    in_the_view,
+    open_panels,
+    passed,
+    until,
+    wait_for_rest,
+    window,
+)
+
+ORGANS = "540x610+160+140"  # of a photograph
+# The slice's place in mm and its level and window in HU.
+BELOW = "superior_mesenteric_artery"  # the slice
+TEXTS = {"Aorta true lumen": "Ascending aorta, true lumen", "Aorta false lumen": "False lumen",
+          "Annulus proper": "Aortic annulus"}  # names before, after  # fmt: skip
+GROUND, VESSEL_WINDOW, VIOLET = -112.0, (150.0, 900.0), (0.22, 0.1, 0.42)
+
+
+def masks() -> Path:
+    """A folder of masks as TotalSegmentator writes them; that of both lumina is split."""
+    import nibabel  # the extension brings it
+
+    folder = SCANS / "segmentations"
+    folder.mkdir(parents=True, exist_ok=True)
+    for path in (DATA / AORTA).glob("mask_*.nii.gz"):
+        shutil.copyfile(path, folder / path.name.removeprefix("mask_"))
+    both = nibabel.load(DATA / AORTA / "labels_true_false_lumen_uint8.nii.gz")
+    for value, name in ((1, "aorta_true_lumen"), (2, "aorta_false_lumen")):
+        one = (np.asarray(both.dataobj) == value).astype(np.uint8)
+        nibabel.save(nibabel.Nifti1Image(one, both.affine), folder / f"{name}.nii.gz")
+    return folder
+
+
+def tutorial_of_organs():
+    """From a scan with its masks beside it to a render with names."""
+    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_labels", "RLE_SPLAT_PT_slices")
+    yield from begin()
+    scan = masks().parent / "Aorta.nii.gz"
+    shutil.copyfile(DATA / AORTA / "cta_heart_aorta_120x126x164_int16.nii.gz", scan)
+    bpy.context.preferences.view.render_display_type = "AREA"
+    scene, view = bpy.context.scene, area_of("VIEW_3D").spaces.active
+    scene.world = bpy.data.worlds.new("World")  # as in a new file
+    scene.render.engine, scene.cycles.samples, scene.cycles.device = "CYCLES", 16, "CPU"
+    scene.render.resolution_x, scene.render.resolution_y = 1200, 900
+    scene.view_settings.view_transform = "Standard"
+    view.overlay.show_relationship_lines = False
+    with in_the_view():
+        bpy.ops.rle_splat.import_volume("INVOKE_DEFAULT", filepath=str(scan), at_cursor=True)
+    yield from wait_for_rest()
+    yield from keep("organs-1-dialog")
+    yield from press("RET", middle())
+    yield from until(lambda: any(one.rle_splat.is_volume for one in bpy.data.objects))
+    volume = bpy.context.view_layer.objects.active
+    look_from(76.0, 35.0, 0.55)
+    yield from settled()
+    yield from wait_for_rest()
+    yield from keep("organs-2-imported")
+    yield from keep("whole", ORGANS)
+    ours = volume.rle_splat
+    false = next(n for n, row in enumerate(ours.labels) if row.label_name == "aorta_false_lumen")
+    ours.active_label, ours.labels[false].color = false, VIOLET
+    for row in ours.labels:
+        row.show = row.label != 0 and row.label_name != BELOW
+    yield from settled()
+    yield from keep("alone", ORGANS)
+    beside("how-to-isolate", "whole", "alone")
+    with in_the_view():
+        assert bpy.ops.rle_splat.add_slice(kind="axial") == {"FINISHED"}
+    bpy.context.view_layer.objects.active.rle_splat.slice_position = GROUND
+    ours.slices_follow_window = False
+    ours.slice_center, ours.slice_width = VESSEL_WINDOW
+    activate(volume)
+    yield from settled()
+    yield from keep("organs-3-slice")
+    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_labels", "RLE_SPLAT_PT_slices")
+    lamp("SUN", "Sun", 3.0, (0.32, -0.5, 0.4), angle=radians(3.0))
+    lamp("AREA", "Rim", 8.0, (0.4, 0.4, 0.3), size=0.25, color=(0.62, 0.78, 1.0), use_shadow=False)
+    ours.lighting, scene.rle_splat.ambient_occlusion, scene.rle_splat.quality = "SCENE", 0.7, "fine"
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    scene.collection.objects.link(camera)
+    look_from(80.0, 35.0, 1.9)  # a camera sees half of what a viewport does
+    yield from settled()
+    scene.camera, camera.matrix_world = camera, view.region_3d.view_matrix.inverted()
+    view.region_3d.view_perspective = "CAMERA"
+    view.shading.type = "MATERIAL"
+    view.shading.use_scene_lights = view.shading.use_scene_world = True
+    with in_the_view():
+        bpy.ops.view3d.view_center_camera()
+        assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+        assert bpy.ops.rle_splat.add_letters() == {"FINISHED"}
+    volume.select_set(False)
+    with in_the_view():
+        assert bpy.ops.rle_splat.add_names() == {"FINISHED"}
+    bpy.data.objects.remove(bpy.data.objects["I"])  # the slice hides a part of it
+    for name, text in TEXTS.items():
+        bpy.data.objects[name].data.body = text
+    view.overlay.show_overlays = False
+    activate(volume)
+    yield from settled()
+    yield from keep("organs-4-names")
+    ended = []
+    bpy.app.handlers.render_complete.append(lambda *_: ended.append(True))
+    yield from press("F12", middle())
+    yield from until(lambda: ended and not bpy.app.is_job_running("RENDER"))
+    yield from wait_for_rest()
+    half = window().width // 2, window().height // 2
+    for value in ("PRESS", "RELEASE"):  # the whole picture, as large as the window
+        window().event_simulate(type="HOME", value=value, x=half[0], y=half[1], shift=True)
+    yield
+    yield from wait_for_rest()
+    yield from keep("organs-5-rendered")
+    path = Path(os.environ[SHOTS]) / "organs-figure.png"
+    bpy.data.images["Render Result"].save_render(str(path))
+    subprocess.run(["convert", str(path), "-quality", "88", str(path.with_suffix(".jpg"))], check=True)
+    shutil.rmtree(SCANS)
+    passed("tutorial of organs")
+
+
+def scenario():
+    bpy.context.preferences.system.use_region_overlap = False  # the sidebar stands beside the view
+    yield from tutorial_of_organs()
+
+
+drive(scenario)
