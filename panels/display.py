@@ -6,7 +6,7 @@ from ..bridge.look import transfer_nodes
 from ..bridge.look.preset_entries import modality_of
 from ..bridge.scene import clip_objects
 from ..bridge.translations import with_unit
-from ..bridge.volumes import encoded, volumes
+from ..bridge.volumes import encoded, labels, volumes
 from ..operators import plain_background
 from ..rle_splat.classify.presets import PRESETS
 from ..rle_splat.scene import MODES
@@ -14,7 +14,6 @@ from ..rle_splat.volume.volume import PATIENT
 from .places import DataTab, OfVolume, paragraph
 
 MINIP = "Air is the smallest value on most lines of sight: cut the volume to a slab with Cut > Add Box"
-HIDDEN = "This mode shows hidden segments, too, such as a table: cut them off with Cut > Add Box"
 LABELS = {preset.label.casefold(): preset.label for preset in PRESETS.values()}  # as the menu has them
 WIDE = 50.0  # range of values above which a drag shifts by whole units
 
@@ -40,11 +39,9 @@ class DisplayPanel:
         in_view = getattr(context.space_data, "type", "") == "VIEW_3D"
         if in_view and (properties.mode != MODES[0] or plain_background.wants_white(owner)):
             plain_background.draw_button(layout, context.space_data.shading, owner)
-        if properties.mode != MODES[0]:
-            if properties.mode == "minip" and not clip_objects.clip_objects(context.scene):
-                paragraph(context, layout, MINIP, icon="INFO")
-            if not all(row.show for row in properties.labels):
-                paragraph(context, layout, HIDDEN, icon="INFO")
+        is_whole = not (clip_objects.clip_objects(context.scene) or labels.hides_rest(owner))
+        if properties.mode == "minip" and is_whole:
+            paragraph(context, layout, MINIP, icon="INFO")
         is_encoded = encoded.is_of(owner)
         is_there = properties.transfer is not None and transfer_nodes.is_transfer_tree(properties.transfer)
         name = properties.transfer_name if is_there or is_encoded else ""

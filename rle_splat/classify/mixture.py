@@ -321,6 +321,21 @@ class Mixture:
             voxels.reshape(-1)[offset + changed] = flat[offset + sources[changed]]
         return replace(self.volume, voxels=voxels)
 
+    def mask_steps(self, stored):
+        """Generator of fractions done: the volume with one ``stored`` value in place of all hidden ones.
+
+        Returns
+        -------
+        Volume
+        """
+        own, voxels = self._parts[0], self.volume.voxels.copy()
+        nx, ny, nz = self.volume.shape_xyz
+        for first, last in cut_chunks(nz, ny * nx, MIXED_AT_ONCE):
+            yield first / nz
+            flat = slice(first * ny * nx, last * ny * nx)
+            voxels.reshape(-1)[flat][own.hides(flat)] = stored
+        return replace(self.volume, voxels=voxels)
+
     def factor_steps(self, voxels: VisibleVoxels, depth, *, threads: int = 0):
         """Generator of fractions done: what labels that only hide leave of the extinction of post-classified voxels.
 

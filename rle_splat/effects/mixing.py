@@ -9,6 +9,8 @@ from ..scene import MODES, Quality, Rendering, Scene
 from ..scene.changed import change
 from .kind import Kind
 
+CLASSIFIED = "a .rle file holds classified voxels"
+
 
 def is_mixed(scene: Scene) -> bool:
     """Whether more than one transfer function classifies the voxels."""
@@ -21,9 +23,14 @@ def only_hides(scene: Scene) -> bool:
     return labels is not None and labels.smooth and not scene.channels and set(labels.functions.values()) == {None}
 
 
+def is_masked(scene: Scene) -> bool:
+    """Whether hidden voxels get a value that decides no pixel: in modes that show no emission (see ``ray_values``)."""
+    return scene.labels is not None and scene.mode != MODES[0]
+
+
 def is_sampled(scene: Scene) -> bool:
     """Whether, post-classified, each sample of a scene looks up which label it belongs to."""
-    return scene.labels is not None and not only_hides(scene)
+    return scene.labels is not None and not only_hides(scene) and not is_masked(scene)
 
 
 def split_light(scene: Scene) -> list[Scene]:
@@ -89,20 +96,15 @@ def is_shown(function) -> bool:
     return max(alpha for _, alpha in function.opacity) > 0.0
 
 
-def _obstacle(scene: Scene) -> str:
-    """Why a scene's voxels cannot be classified by several functions; "" if they can."""
-    if not scene.volume.holds_values:
-        return "a .rle file holds classified voxels"
-    return "" if scene.mode == MODES[0] else f"the mode {scene.mode} shows the values of one volume"
-
-
 def _labels_called_for(scene: Scene, quality: Quality) -> tuple[bool, str]:
     labels = scene.labels
     if labels is None:
         return False, "the volume has no segments"
-    if reason := _obstacle(scene):
-        return False, reason
+    if not scene.volume.holds_values:
+        return False, CLASSIFIED
     hidden = sum(function is None for function in labels.functions.values())
+    if scene.mode != MODES[0]:
+        return hidden > 0, f"{hidden} hidden; the mode {scene.mode} uses one transfer function"
     if not labels.functions:
         return False, "no segment is hidden or has a transfer function"
     return True, f"{len(labels.functions) - hidden} segment(s) with a transfer function, {hidden} hidden"
@@ -111,8 +113,10 @@ def _labels_called_for(scene: Scene, quality: Quality) -> tuple[bool, str]:
 def _channels_called_for(scene: Scene, quality: Quality) -> tuple[bool, str]:
     if not scene.channels:
         return False, "the volume is the only channel"
-    if reason := _obstacle(scene):
-        return False, reason
+    if not scene.volume.holds_values:
+        return False, CLASSIFIED
+    if scene.mode != MODES[0]:
+        return False, f"the mode {scene.mode} shows the values of one volume"
     if not any(is_shown(channel.transfer_function) for channel in scene.channels):
         return False, f"{len(scene.channels)} further channel(s) are fully transparent"
     return True, f"{len(scene.channels)} further channel(s) are added"

@@ -12,6 +12,9 @@ viewer's window from transparent to opaque.  (Opacity per length has no meaning 
 Only voxels that can decide a pixel are kept.  For the largest value these are the corners of cells that reach the
 lowest shown value, because anything lower is transparent; for the smallest value, of cells that reach down to the
 highest shown value.  A mean needs every voxel.
+
+Where labels hide voxels, these get a value that decides no pixel: the smallest of the volume, as a viewer's mask does;
+the largest for the smallest value on a ray; the most transparent for an X-ray.
 """
 
 from __future__ import annotations
@@ -36,7 +39,28 @@ MARGIN = 1.0 / 16.0
 # Values are counted up to so many spans of the function's points beyond them: counts of values further away would take
 # the digits of all others.
 FAR = 1000.0
+# Of the range of values: a MinIP is transparent so close to the largest one, where that stands for hidden voxels.
+NEAR_LARGEST = 1.0 / 64.0
 LEAST_COVERED = 1.0 / 256.0  # of a pixel; with less of it in the box its value is not known well enough
+
+
+def find_value_hidden(volume, tf, mode: str):
+    """The stored value that stands for hidden voxels, of the type of the volume's voxels.
+
+    Parameters
+    ----------
+    volume : Volume
+    tf : TransferFunction
+    mode : str
+        Of ``scene.MODES``, but not "composite".
+    """
+    low, high = volume.value_range
+    found = high if mode == "minip" else low
+    if mode == "xray":
+        found = min((low, high, *np.clip([value for value, _ in tf.opacity], low, high)), key=tf.alpha_at)
+    kind = volume.voxels.dtype
+    stored = (found - volume.intercept) / volume.slope
+    return kind.type(round(stored)) if kind.kind in "iu" else kind.type(stored)
 
 
 def find_shown_values(tf, mode: str) -> np.ndarray:
@@ -89,6 +113,8 @@ class ValueMap:
         A stored value below all others.
     hollow : bool
         Whether a ray without any kept voxel shows ``origin``, which is transparent.
+    end : float
+        Physical value from which on a pixel is transparent, because its ray meets hidden voxels alone.
     """
 
     tf: TransferFunction
@@ -99,6 +125,7 @@ class ValueMap:
     most: float
     least: float
     hollow: bool
+    end: float = math.inf
 
     @property
     def nbytes(self) -> int:
@@ -126,15 +153,17 @@ class ValueMap:
         seen = covered > LEAST_COVERED
         share = covered[seen].astype(np.float64)
         stored = (rgba[..., 0][seen] / share + self.origin) * (self.sign or 1.0)
-        shown = self.tf.table(stored * self.slope + self.intercept)
+        values = stored * self.slope + self.intercept
+        shown = self.tf.table(values)
         strongest = max(alpha for _, alpha in self.tf.opacity)
         alpha = shown[:, 3] / strongest * share if strongest > 0.0 else np.zeros_like(share)
         found = np.zeros_like(rgba)
+        alpha[values >= self.end] = 0.0
         found[seen] = np.concatenate((shown[:, :3] * alpha[:, None], alpha[:, None]), axis=1)
         return found, np.where(found[..., 3] > 0.0, depth, np.float32(NO_DEPTH))
 
 
-def value_map(volume, tf, mode: str, ends) -> ValueMap:
+def value_map(volume, tf, mode: str, ends, is_masked: bool = False) -> ValueMap:
     """The ValueMap of a volume in a mode.
 
     Parameters
@@ -145,7 +174,13 @@ def value_map(volume, tf, mode: str, ends) -> ValueMap:
         "mip", "minip" or "average".
     ends : (low, high)
         Smallest and largest stored value that is splatted.
+    is_masked : bool
+        Whether hidden voxels have the value of ``find_value_hidden``.
     """
+    end = math.inf
+    if is_masked and mode == "minip":
+        low, high = volume.value_range
+        end = high - NEAR_LARGEST * (high - low)
     sign = TO_STORED[mode] * math.copysign(1.0, volume.slope)
     points = [(sign or 1.0) * (value - volume.intercept) / volume.slope for value, *_ in (*tf.opacity, *tf.color)]
     reach = FAR * (max(points) - min(points)) or math.inf
@@ -163,5 +198,5 @@ def value_map(volume, tf, mode: str, ends) -> ValueMap:
     hollow = not tf.alpha_at(volume.physical((sign or 1.0) * origin)) > 0.0
     return ValueMap(
         tf, volume.slope, volume.intercept, sign, origin, high - origin,
-        min(ends) - 1e-6 * max(map(abs, ends)) - 1e-6, bool(hollow),
+        min(ends) - 1e-6 * max(map(abs, ends)) - 1e-6, bool(hollow), end,
     )  # fmt: skip

@@ -105,6 +105,14 @@ class _Ray:
             kept &= ~inside if clip.kind == "box" and clip.keep == "outside" else inside
         return kept
 
+    def is_shown(self, indices) -> np.ndarray:
+        """(n,) bool: whether clip objects keep voxel indices, and no label hides them."""
+        labels = self._scene.labels
+        if labels is None:
+            return self.is_kept(indices)
+        hidden = [label for label, function in labels.functions.items() if function is None]
+        return self.is_kept(indices) & ~np.isin(labels_at(labels.volume, indices), hidden)
+
 
 def _gradients(volume, indices) -> np.ndarray:
     """(n,) magnitudes of the gradient by central differences, physical values per unit of the volume."""
@@ -143,14 +151,17 @@ def find_surface(scene: Scene, origin, direction, nearest: float = 0.0, furthest
         return None
     count = max(math.ceil((leave - enter) * np.linalg.norm(ray.step) * SAMPLES), 1) + 1
     t = np.linspace(enter, leave, count)
+    if scene.mode in VALUE_SHOWN:
+        values = np.where(ray.is_shown(ray.indices(t)), values_at(scene.volume, ray.indices(t)), np.nan)
+        if np.isnan(values).all():
+            return None
+        best = int(VALUE_SHOWN[scene.mode](values))
+        is_seen = float(scene.transfer_function.alpha_at(values[best])) > 0.0
+        return _surface(scene, ray, t[best], 1.0) if is_seen else None
     sigma = ray.extinction(ray.indices(t))
     depth = _depths(t, sigma)
-    if not sigma.any() or (scene.mode not in VALUE_SHOWN and -math.expm1(-depth[-1]) < LEAST):
+    if not sigma.any() or -math.expm1(-depth[-1]) < LEAST:
         return None
-    if scene.mode in VALUE_SHOWN:
-        values = np.where(ray.is_kept(ray.indices(t)), values_at(scene.volume, ray.indices(t)), np.nan)
-        best = int(VALUE_SHOWN[scene.mode](values))
-        return _surface(scene, ray, t[best], 1.0) if sigma[best] > 0.0 else None
     if depth[-1] < HALF:
         return _surface(scene, ray, t[int(sigma.argmax())], -math.expm1(-depth[-1]))
     after = int(np.searchsorted(depth, HALF))

@@ -5,7 +5,7 @@ What each stage result depends on, so that a change redoes no more than it must:
     blocks    the voxels
     relevant  blocks, and the range of values that the transfer function shows, or, where each sheet stands for itself,
               a wider one that is kept; there short gaps are closed, too
-    revealed  the voxels, and where labels hide
+    revealed  the voxels, and where labels hide; in a mode of values, and what stands for hidden ones
     labels    the label map, and which labels look alike
     factor    relevant, where labels hide, and the transfer function
     gradients relevant, where opacity depends on them; thinned, from gradients and codes
@@ -31,9 +31,9 @@ from ..classify.lookup_table import LookupTable
 from ..classify.mixture import Mixture
 from ..classify.relevant import Reach, count_kept, gather_steps, relevant_steps
 from ..classify.visible import VisibleVoxels
-from ..effects.mixing import is_sampled
+from ..effects.mixing import is_masked, is_sampled
 from ..effects.ray_mode import OF_VALUES
-from ..effects.ray_values import ValueMap, find_shown_values, value_map
+from ..effects.ray_values import ValueMap, find_shown_values, find_value_hidden, value_map
 from ..effects.shadows import Occluders
 from ..encode.scalars import scalar_table_steps
 from ..runtime.memory import bytes_text
@@ -136,8 +136,12 @@ class ScalarSource(Source):
             voxels_key = (voxels_key, *(channel.volume.key for channel in scene.channels))
         if scene.labels is not None and (self._labels is None or self._labels.hides):
             voxels_key = (voxels_key, self._mixture.key)
-            reveal_steps = partial(self._mixture.reveal_steps, threads=self.threads)
-            steps = job.steps("revealed", voxels_key, reveal_steps, _bytes_of)
+            hide_steps = partial(self._mixture.reveal_steps, threads=self.threads)
+            if is_masked(scene):
+                stored = find_value_hidden(volume, scene.transfer_function, scene.mode)
+                voxels_key = (*voxels_key, float(stored))
+                hide_steps = partial(self._mixture.mask_steps, stored)
+            steps = job.steps("revealed", voxels_key, hide_steps, _bytes_of)
             with clock.stage("mixing"):
                 volume = yield from announce(steps, 0.0, 0.0, HIDING)
         steps = job.steps("blocks", voxels_key, partial(block_steps, volume, threads=self.threads))
@@ -193,7 +197,7 @@ class ScalarSource(Source):
         scene, job, clock, unlit = self.scene, work.job, work.clock, voxels
         tf, key, length = scene.transfer_function, unlit.key, unlit.length
         factor = hidden_key = None
-        if scene.labels is not None and unlit.labels is None:
+        if scene.labels is not None and unlit.labels is None and not is_masked(scene):
             step = max(length * float(unlit.volume.spacing.min()), LEAST_DISTANCE)
             hidden_key = key, tf.classification_key, length
             factor = yield from self._hide_steps(work, unlit.voxels, hidden_key, lambda: unlit.extinction() * step)
@@ -315,7 +319,7 @@ class ScalarSource(Source):
     def _transfer(self, work: Work, voxels_key, ends, length: float) -> LookupTable | ValueMap:
         volume, tf = self.scene.volume, self.scene.transfer_function
         if self.shows_values:
-            return value_map(volume, tf, self.scene.mode, ends)
+            return value_map(volume, tf, self.scene.mode, ends, is_masked(self.scene))
         key = (voxels_key, tf.classification_key, length)
         return work.job.get("table", key, lambda: make_channel_table(volume, volume, tf, ends, length))
 

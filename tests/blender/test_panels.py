@@ -115,15 +115,15 @@ def test_a_preset_is_named_as_in_its_menu(volume_object, monkeypatch):
     assert ("text", "CT Bone") in draw_all(monkeypatch)
 
 
-def test_modes_say_that_they_show_hidden_segments(monkeypatch, tmp_path):
+def test_minip_advises_a_cut_while_air_is_shown(monkeypatch, tmp_path):
     owner = scenes.import_raw(tmp_path, scenes.ball())
     path = tmp_path / "segments.raw"
     path.write_bytes((scenes.ball() > 100).astype("uint8").tobytes())
     owner.rle_splat.label_file = str(path)
     bpy.ops.rle_splat.read_labels()
-    for display, show, said in (("mip", True, False), ("mip", False, True), ("composite", False, False)):
+    for display, show, said in (("mip", True, False), ("minip", True, True), ("minip", False, False)):
         owner.rle_splat.display, owner.rle_splat.labels[0].show = display, show
-        assert ("shows hidden segments" in " ".join(texts(draw_all(monkeypatch)).split())) == said
+        assert ("Air is the smallest value" in " ".join(texts(draw_all(monkeypatch)).split())) == said
 
 
 def test_effects_have_titles(volume_object, monkeypatch):

@@ -145,13 +145,41 @@ def test_labels_leave_the_classification(stage, classification):
     assert off.report["stages_ms"]["mixing"] == 0.0
 
 
-def test_modes_of_values_are_of_one_volume(stage):
-    labels = Labels(Volume(layers(5, 7), np.eye(4)), {1: None})
+@pytest.mark.parametrize(("mode", "stands"), [("mip", 0), ("average", 0), ("xray", 0), ("minip", 255)])
+@pytest.mark.parametrize("slope", (1.0, -1.0))
+@pytest.mark.parametrize("smooth", (True, False))
+def test_modes_of_values_leave_hidden_voxels_out(stage, mode, stands, slope, smooth):
+    """A picture is that of a volume whose hidden voxels hold what decides no pixel, and no other function is used."""
+    labels = random_voxels(2, np.int32)[:N, :N, :N] // 128  # half of the voxels are hidden
+    labels[:3] = 1  # and a part of the picture
+    voxels = random_voxels(4)[:N, :N, :N]
+    voxels.flat[:2] = 0, 255
+    window = TransferFunction(opacity=((0.0, 0.0), (255.0, 0.5)), color=((0.0, *RED),), shade=None)
+    hidden = Labels(Volume(labels, np.eye(4)), {1: None, 0: flat(0.2, BLUE)}, smooth=smooth)
+    scene = seen_along_y(stage, voxels, window, labels=hidden, mode=mode)
+
+    def stored(values):
+        values, intercept = (values, 0.0) if slope > 0.0 else (255 - values, 255.0)
+        return Volume(values, np.eye(4), slope=slope, intercept=intercept)
+
+    picture = stage.render(replace(scene, volume=stored(voxels)))
+    masked = stored(np.where(labels == 1, np.uint8(stands), voxels))
+    expected = stage.render(replace(scene, volume=masked, labels=None)).rgba
+    whole = stage.render(replace(scene, volume=stored(voxels), labels=None)).rgba
+    outside, inside = slice(24, None), slice(None, 18)  # rows behind which everything is hidden, and the others
+    assert picture.rgba[outside].max() < 0.2 * LEVEL and whole[outside].max() > 0.2
+    np.testing.assert_allclose(picture.rgba[inside], expected[inside], atol=1e-6)
+    assert np.abs(expected[inside] - whole[inside]).max() > 10 * LEVEL
+    effect = next(effect for effect in picture.report["effects"] if effect["name"] == "labels")
+    assert effect["on"] and effect["reason"] == f"1 hidden; the mode {mode} uses one transfer function"
+
+
+def test_modes_of_values_use_no_function_of_a_label(stage):
+    labels = Labels(Volume(layers(5, 7), np.eye(4)), {1: flat(0.3, BLUE)})
     scene = seen_along_y(stage, random_voxels(4)[:N, :N, :N], flat(0.1, RED), labels=labels, mode="mip")
     picture = render(scene, Quality())
     assert picture.rgba.tobytes() == render(replace(scene, labels=None), Quality()).rgba.tobytes()
-    effect = next(effect for effect in picture.report["effects"] if effect["name"] == "labels")
-    assert not effect["on"] and effect["reason"] == "the mode mip shows the values of one volume"
+    assert not next(effect for effect in picture.report["effects"] if effect["name"] == "labels")["on"]
 
 
 def test_nothing_is_redone_when_the_camera_moves(stage):

@@ -165,6 +165,19 @@ def test_modes_of_values_give_the_value_that_is_shown():
     assert smallest.value == pytest.approx(trilinear(0.0, 10.2, 9.6))
 
 
+def test_modes_of_values_pass_hidden_voxels_by():
+    x, y, z = indices()
+    volume = Volume(trilinear(x, y, z).astype(np.float64), np.eye(4))
+    hidden = Labels(Volume(np.digitize(x, (4, SIDE - 4)).astype(np.uint8), np.eye(4)), {0: None, 2: None})
+    shown, ray = function((0.0, 1.0), (1.0, 1.0)), ((-40.0, 10.2, 9.6), (1.0, 0.0, 0.0))
+    largest, smallest = (
+        find_surface(scene_of(volume, shown, mode=mode, labels=hidden), *ray) for mode in ("mip", "minip")
+    )
+    assert 3.4 < smallest.index[0] < 3.8 and SIDE - 4.8 < largest.index[0] < SIDE - 4.4
+    whole = Labels(Volume(np.zeros(volume.voxels.shape, np.uint8), np.eye(4)), {0: None})
+    assert find_surface(scene_of(volume, shown, mode="mip", labels=whole), *ray) is None
+
+
 def test_voxels_without_a_number_are_transparent():
     voxels = np.full((SIDE,) * 3, 1000.0, np.float32)
     voxels[:, :, :10] = np.nan
