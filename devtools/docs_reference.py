@@ -41,7 +41,7 @@ BLENDERS = {  # what Blender or an effect declares, by the name or the label in 
     "show_object_viewport_volume": ("Eye", "Show volumes live in this viewport."),
     "hide_viewport": ("Hide in Viewports", "Hide this object in viewports."),
     "hide_render": ("Hide in Renders", "Hide this slice, or this cutting object and its cut, in renders."),
-    "use_lock_interface": ("Lock Interface", "Lock Blender's window while it renders; without it Blender may crash."),
+    "use_lock_interface": ("Lock Interface", "Lock Blender's window during renders. Without this, Blender may crash."),
     "On Meshes": (
         "On Meshes",
         "Whether the volume casts shadows on meshes: where the scene needs them (*Auto*), "

@@ -61,7 +61,7 @@ class RLE_SPLAT_OT_measure_accuracy(_Measurement, bpy.types.Operator):
         accuracy.note_sweep(self._scene.get().rle_splat, report, f"{self._volume.name} seen by {self._camera_name}")
         chosen = sweep.plan(report["chosen"])
         self.report({"INFO"}, f"{len(report['plans'])} plans measured. {chosen['name']}: {chosen['frame_ms']:.0f} ms, "
-                              f"RMSE {figure_text(chosen['error']['rmse'])} steps of an 8-bit picture.")  # fmt: skip
+                              f"RMSE {figure_text(chosen['error']['rmse'])}/255.")  # fmt: skip
 
 
 class RLE_SPLAT_OT_choose_plan(bpy.types.Operator):
@@ -90,7 +90,7 @@ class RLE_SPLAT_OT_error_map(_Measurement, bpy.types.Operator):
     bl_idname = "rle_splat.error_map"
     bl_label = "Error Map"
     bl_description = (
-        "Make an image of the picture's error at the current quality, in steps of an 8-bit picture. The volume is "
+        "Make an image of the picture's error at the current quality, in 8-bit steps. The volume is "
         "measured alone: without meshes and motion blur, and without shadows if Interpolate is Colors"
     )
 

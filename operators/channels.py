@@ -54,7 +54,7 @@ class RLE_SPLAT_OT_add_channels(LoadsFirst, bpy.types.Operator):
 
 
 class RLE_SPLAT_OT_import_channel(ImportsVolumes, bpy.types.Operator, ImportHelper):
-    """Add a file to the picture of this volume, with its own transfer function, such as a PET or a dose to a CT"""
+    """Overlay another file, such as a PET or a dose on a CT, with its own transfer function"""
 
     bl_idname = "rle_splat.import_channel"
     bl_label = "Add File"

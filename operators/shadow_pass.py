@@ -14,8 +14,8 @@ class RLE_SPLAT_OT_shadow_pass(ThroughCamera, bpy.types.Operator):
     bl_idname = "rle_splat.shadow_pass"
     bl_label = "Shadow Pass"
     bl_description = (
-        "Make a grayscale image of the share of each pixel's light that shadows and ambient occlusion remove, from 0 "
-        "(none) to 1 (all)"
+        "Make a grayscale image of how much of each pixel's light shadows and ambient occlusion remove: 0 is none, 1 "
+        "is all"
     )
 
     poll = classmethod(has_values_and_camera)

@@ -7,7 +7,7 @@ from .places import paragraph
 def draw(context, layout) -> None:
     """Draw the hint."""
     step = _step(context, layout, "1. Import a volume, or drop its file into the view")
-    step.operator("rle_splat.import_volume", text="Import File…", icon="IMPORT")
+    step.operator("rle_splat.import_volume", text="Import Volume…", icon="IMPORT")
     step.operator("rle_splat.import_folder", text="Import DICOM Series…", icon="FILE_FOLDER")
     step = _step(context, layout, "2. Choose a preset, then turn the view")
     row = step.row()

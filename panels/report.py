@@ -2,6 +2,7 @@
 
 import bpy
 
+from .effects import NAME_SHARE
 from .places import RenderTab, Sidebar, paragraph
 
 
@@ -15,8 +16,15 @@ class ReportPanel:
         text = context.scene.rle_splat.last_report
         if not text:
             self.layout.label(text="No picture has been made yet")
+        times = self.layout.column(align=True)
         for line in filter(None, text.split("\n")):
-            paragraph(context, self.layout, line)
+            name, _, time = line.rpartition(": ")
+            if name and time.endswith(" ms"):
+                row = times.split(factor=NAME_SHARE)
+                row.label(text=name, translate=False)
+                row.label(text=time, translate=False)
+            else:
+                paragraph(context, self.layout, line)
 
 
 class RLE_SPLAT_PT_report(ReportPanel, Sidebar, bpy.types.Panel):

@@ -24,8 +24,8 @@ class AccuracyRowProperties(bpy.types.PropertyGroup):
     knobs: StringProperty(name="Settings", description="Settings of the plan as JSON")
     truth: StringProperty(name="Reference", description="Exact result that the error is measured against")
     frame_ms: FloatProperty(name="Time", description="Milliseconds for one frame", min=0.0)
-    rmse: FloatProperty(name="RMSE", description="Root mean square error in steps of an 8-bit picture", min=0.0)
-    largest: FloatProperty(name="Largest Error", description="Largest error in steps of an 8-bit picture", min=0.0)
+    rmse: FloatProperty(name="RMSE", description="Root mean square error in 8-bit steps", min=0.0)
+    largest: FloatProperty(name="Largest Error", description="Largest error in 8-bit steps", min=0.0)
     on_front: BoolProperty(name="On the Front", description="No other plan is both faster and more accurate")
 
 
@@ -54,8 +54,8 @@ def note_sweep(settings, report: dict, what: str) -> None:
         row.rmse, row.largest = entry["error"]["rmse"], entry["error"]["largest"]
     image, probes = report["image"], report["probes"]
     settings.accuracy_note = (
-        f"{what}, {image['width']} x {image['height']} pixels, {report['threads']} thread(s). Errors are steps of an "
-        f"8-bit picture, at {probes['random']} random pixels and {probes['steep']} pixels on edges."
+        f"{what}, {image['width']} x {image['height']} pixels, {report['threads']} thread(s). Errors are in 8-bit "
+        f"steps, at {probes['random']} random pixels and {probes['steep']} pixels on edges."
     )
 
 
@@ -134,8 +134,7 @@ def keep_error_map(scene, volume_object, errors, report: dict):
     found, settings.error_image = report["error"], image
     every = "every pixel" if found["step"] == 1 else f"one pixel in each {found['step']} x {found['step']}"
     settings.error_note = (
-        f"{truth_sentence(found['truth'])}: largest {figure_text(found['measured'])}, RMSE "
-        f"{figure_text(found['rmse'])} steps of an 8-bit picture at {every}. White in the image is an error of 1 "
-        "or more."
+        f"{truth_sentence(found['truth'])}: largest {figure_text(found['measured'])}/255, RMSE "
+        f"{figure_text(found['rmse'])}/255 at {every}. White in the image is an error of 1/255 or more."
     )
     return image

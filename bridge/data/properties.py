@@ -138,15 +138,15 @@ class SceneSettings(bpy.types.PropertyGroup):
     """The settings of a scene's pictures, and the report of the last one."""
 
     scene_scale: FloatProperty(
-        name="Scene Scale", description="World units per millimeter; with 0.001 a millimeter has its real size in "
-        "meters", default=0.001, min=1e-9, soft_max=1.0, precision=6, update=_rescale_boxes)  # fmt: skip
+        name="Scene Scale", description="Blender units per millimeter. 0.001 is true scale where a unit is one meter",
+        default=0.001, min=1e-9, soft_max=1.0, precision=6, update=_rescale_boxes)  # fmt: skip
     quality: KnobEnum(
         name="Quality", description="Balance of accuracy and time", items=QUALITY_ITEMS, default=USUAL.name,
         translation_context=OURS)  # fmt: skip
     max_error: LiveFloat(
         name="Maximum Error", default=0.0, min=0.0, soft_max=16.0, precision=2,
-        description="Largest allowed error of a color, in steps of an 8-bit picture, of which 255 lead from black to "
-        "white. The picture's error is measured and reported. 0 uses Quality")  # fmt: skip
+        description="Largest allowed error of a color, in 8-bit steps, of which 255 lead from black to white. "
+        "The picture's error is measured and reported. 0 uses Quality")  # fmt: skip
     use_max_error: BoolProperty(
         name="Maximum Error", description="Use the fastest settings expected to stay below an error, instead of "
         "Quality",
@@ -226,11 +226,12 @@ class SceneSettings(bpy.types.PropertyGroup):
         "arrow Empties as planes. The part that all of them keep is shown",
     )
     use_clips: LiveBool(
-        name="Cut Volumes", default=True, description="Cut volumes by the cutting objects; off shows them whole"
+        name="Cut Volumes", default=True, description="Apply the cutting objects. Turn this off to see whole volumes"
     )
     show_scale_bar: BoolProperty(
         name="Scale Bar", default=False, update=_redraw,
-        description="Show a length in 3D viewports; in perspective it is true in the middle of the volume")  # fmt: skip
+        description="Show a length in 3D viewports. In perspective, it is true at the depth of the volume's "
+        "middle")  # fmt: skip
     show_color_bar: BoolProperty(
         name="Color Bar", default=False, update=_redraw,
         description="Show the colors of the volume's window with their values in 3D viewports")  # fmt: skip

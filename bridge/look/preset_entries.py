@@ -93,7 +93,7 @@ def groups(properties) -> list[PresetGroup]:
 
 def _short(label: str) -> str:
     """A label that fits under a picture of three in a row, at the sidebar's default width."""
-    return label.replace("Skin and Bone", "Skin, Bone")
+    return label.replace("Skin and Bone", "Skin, Bone").replace("Angiography", "Angio")
 
 
 def transfer_steps(entry: Entry, volume):

@@ -26,6 +26,12 @@ SUFFIXES = {
     "error": "Splat Error", "shadow": "Splat Shadow",
 }  # fmt: skip
 SHORTEST_MS = 0.5  # of a stage that the Last Report panel lists; the JSON has all
+STAGES = {
+    "kernels": "Loading of code",
+    "mixing": "Segments and channels",
+    "rays": "Exact pixels",
+    "setup": "Preparation",
+}
 NUMBERS = ("depth", "error", "shadow")  # kinds that hold numbers instead of colors
 
 
@@ -175,16 +181,16 @@ def _error_lines(report: dict) -> list[str]:
     if error.get("truth") not in TRUTH_TEXTS:
         return []
     if error["tolerance"] is None:
-        return ["Error not measured; to measure it, use Maximum Error in the panel Advanced"]
+        return ["The error of this picture is not measured. To measure it, use Maximum Error in the panel Advanced."]
     against = TRUTH_TEXTS[error["truth"]]
-    measured = f"Error in steps of an 8-bit picture: {error['sentence']}; the reference is {against}"
+    measured = f"Error in 8-bit steps: {error['sentence']}; the reference is {against}"
     return [measured, error.get("statement", ""), report["plan"]["name"]]
 
 
 def note_report(settings, report: dict) -> None:
     """Store the report of a picture in the scene's settings, as text and as JSON, with the list of effects."""
     stages = report.get("stages_ms", {})
-    lines = [f"{name.replace('_', ' ')}: {value:.0f} ms" for name, value in stages.items()
+    lines = [f"{STAGES.get(name, name.capitalize())}: {value:.0f} ms" for name, value in stages.items()
              if isinstance(value, (int, float)) and (value >= SHORTEST_MS or name == "total")]  # fmt: skip
     settings.last_report = "\n".join((
         *report.get("remarks", ()), report.get("plan", {}).get("why", ""), *_error_lines(report),

@@ -164,6 +164,6 @@ def statement(failed: int, count: int, tolerance: float) -> str:
     how_many = f"{failed} of {count}" if failed else f"None of {count}"
     return (
         f"{how_many} random sample pixels {'differ' if failed > 1 else 'differs'} from the reference by more than "
-        f"{tolerance:g} step{'' if tolerance == 1 else 's'} of an 8-bit picture: at 95 % confidence at most "
+        f"{tolerance:g}/255: at 95 % confidence at most "
         f"{share_above(failed, count):.2%} of the pixels do."
     )

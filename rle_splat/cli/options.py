@@ -308,7 +308,7 @@ def add_tolerance_options(parser) -> None:
         "tolerance",
         "instead of a quality; settings are chosen, the error is measured, and finer ones follow if it is too large",
     )
-    group.add_argument("--tolerance", type=float, metavar="LEVELS", help="largest allowed error, in levels of 1/255")
+    group.add_argument("--tolerance", type=float, metavar="STEPS", help="largest allowed error, in 8-bit steps, 1/255")
     group.add_argument(
         "--probes", type=int, metavar="N",
         help=f"number of pixels at which the error is measured (default {PROBES}); 0 predicts it only",

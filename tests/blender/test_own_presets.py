@@ -202,4 +202,4 @@ def test_names_of_presets_for_a_modality_fit_under_three_pictures_in_a_row(volum
     assert first.label == "For CT" and len(first.entries) > 10
     labels = {entry.name: entry.label for entry in first.entries}
     assert all(len(label) <= 11 for label in labels.values()), labels
-    assert labels["ct-angiography"] == "Angiography" and labels["ct-soft-tissue"] == "Soft Tissue"
+    assert labels["ct-angiography"] == "Angio" and labels["ct-soft-tissue"] == "Soft Tissue"

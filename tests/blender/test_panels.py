@@ -28,7 +28,7 @@ SENTENCES = (
     "The voxels of 'THORAX_VENOUS' are not those that were imported, because //CT/THORAX_VENOUS.nii has changed; "
     "import it again, or press Relocate to choose the original file.",
     "Against the exact integral of values that are interpolated, then classified: largest "
-    "3.82, RMSE 0.784 levels at one pixel of each 4 x 4. The image holds levels (1/255): white is one level or more.",
+    "3.82/255, RMSE 0.784/255 at one pixel in each 4 x 4. White in the image is an error of 1/255 or more.",
 )
 
 
@@ -249,9 +249,9 @@ def test_a_knob_and_the_classification_that_has_it_are_chosen_together(volume_ob
 def test_messages_and_reports_are_shown(volume_object, monkeypatch):
     settings = bpy.context.scene.rle_splat
     settings.message = "The volume was deleted."
-    settings.last_report = "Splat: 12 ms\nKept voxels: 17"
+    settings.last_report = "Kept voxels: 17\nSplat: 12 ms"
     shown = texts(draw_all(monkeypatch))
-    assert "The volume was deleted." in shown and "Splat: 12 ms" in shown and "Kept voxels: 17" in shown
+    assert "The volume was deleted." in shown and "Splat\n12 ms" in shown and "Kept voxels: 17" in shown
 
 
 def test_missing_numba_is_said_loudly(volume_object, monkeypatch, addon):

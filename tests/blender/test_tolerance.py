@@ -37,7 +37,7 @@ def test_zero_leaves_it_to_the_quality(settings):
     assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
     report = json.loads(settings.last_report_json)
     assert report["error"]["tolerance"] is None and report["plan"]["quality"] == settings.quality
-    assert "Error not measured" in settings.last_report
+    assert "The error of this picture is not measured" in settings.last_report
 
 
 def test_a_quality_without_a_truth_is_refused_in_a_sentence(settings):

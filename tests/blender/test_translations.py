@@ -54,7 +54,7 @@ def test_texts_of_all_kinds_are_found(addon):
         ("Keep one side of a plane. The arrow points to the side that is removed", "operators/add_clip.py"),
     ):  # fmt: skip
         assert registered[text] == file
-    for text in ("Import File…", "Canceled; nothing was changed.", "Select one of the volumes in the scene"):
+    for text in ("Import Volume…", "Canceled; nothing was changed.", "Select one of the volumes in the scene"):
         assert written[text].partition(":")[0].endswith(".py")
 
 

@@ -98,8 +98,8 @@ def test_plans_for_tolerances_say_what_was_predicted(scene):
     base = Quality(classification="pre")
     report = drain(sweep_steps(scene, [base], base, probes=300, repeats=1, tolerances=(6.0, 1.0))).report
     wished = {entry["name"]: entry for entry in report["plans"] if entry["predicted"]}
-    assert set(wished) == {"for 6 levels", "for 1 level"}
-    loose, tight = wished["for 6 levels"], wished["for 1 level"]
+    assert set(wished) == {"for 6 steps", "for 1 step"}
+    loose, tight = wished["for 6 steps"], wished["for 1 step"]
     assert tight["predicted"]["largest"] < loose["predicted"]["largest"] <= 6.0
     assert tight["error"]["largest"] < loose["error"]["largest"] <= 6.0
     assert tight["error"]["largest"] <= 1.0 and tight["predicted"]["keeps"]
@@ -122,5 +122,5 @@ def test_wishes_that_cost_too_much_are_said_and_not_measured(scene, monkeypatch)
     monkeypatch.setattr(measure_plans, "LONGEST", 0.0)
     report = drain(sweep_steps(scene, [base], base, probes=40, repeats=1, tolerances=(8.0, 1e-6))).report
     assert not any(entry["predicted"] for entry in report["plans"])
-    assert any("for 8 levels (" in remark for remark in report["remarks"])
-    assert any("No plan" in remark and "for 1e-06 levels" in remark for remark in report["remarks"])
+    assert any("for 8 steps (" in remark for remark in report["remarks"])
+    assert any("No plan" in remark and "for 1e-06 steps" in remark for remark in report["remarks"])

@@ -236,7 +236,7 @@ def test_the_glossary_has_the_words_of_the_project():
         voxel, transfer function, lookup table, extinction, optical depth, transmittance, opacity, pre-classified,
         post-classified, run, run-length table, voxel record, sheet, sheet buffer, slab, base plane,
         intermediate image, warp, ray interval, stage cache, buffer pool, reference implementation, error estimate,
-        probe error, error map, tolerance, level, band, row, block, stage, pipeline, plan, footprint, principal
+        probe error, error map, tolerance, 8-bit step, band, row, block, stage, pipeline, plan, footprint, principal
         axis, T1, T2
     """
     assert {" ".join(word.split()) for word in wanted.split(",")} <= set(terms)

@@ -75,7 +75,7 @@ def check_tolerance(tolerance) -> float:
         levels = math.nan
     if not (math.isfinite(levels) and levels > 0.0):
         raise RleSplatError(
-            f"A tolerance is a number of levels (1/255) above zero, such as 1, not {tolerance!r}: every picture has "
-            "some error."
+            f"A tolerance is a number of 8-bit steps (1/255) above zero, such as 1, not {tolerance!r}: every picture "
+            "has some error."
         )
     return levels

@@ -259,7 +259,7 @@ def _choose_steps(scene: Scene, base: Quality, tolerances, cache: StageCache):
     session = yield from session_steps(scene, base, cache, PILOTS_END)
     choices, rays = {}, {}
     for tolerance in tolerances:
-        name = f"for {tolerance:g} level{'' if tolerance == 1 else 's'}"
+        name = f"for {tolerance:g} step{'' if tolerance == 1 else 's'}"
         choice = session.choose(tolerance)
         if choice.rays:
             rows, columns = np.nonzero(session.ray_pixels(choice))

@@ -23,8 +23,8 @@ def table_lines(report: dict) -> list[str]:
         "",
         f"*: on the front, no other plan is both quicker and nearer to its reference ({ERRORS[report['front_by']]}).  "
         ">: the chosen plan.",
-        f"ms: splat, warp and single rays, the median of {report['repeats']} frames. Errors: levels, 1/255 of "
-        "premultiplied linear "
+        f"ms: splat, warp and single rays, the median of {report['repeats']} frames. Errors: 8-bit steps, 1/255 "
+        "of premultiplied linear "
         f"RGBA; RMSE, 99.9 %, bias and PSNR at {probes['random']} random pixels, max over these, {probes['steep']} "
         "steep ones and the crop; SSIM"
         + (" and FLIP" if has_flip else "") + f" of the crop {_crop_text(report['crop'])}, as a display shows it.",
