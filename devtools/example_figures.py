@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import sys
 from dataclasses import replace
 from io import BytesIO
@@ -24,6 +25,7 @@ from .places import OUT, ROOT
 
 FOLDER = OUT / "figures"
 SKULL = "dicom_ct_skull_phantom_512x512x140"
+HEART = "cta_aorta_labels/cta_heart_aorta_120x126x164_int16.nii.gz"
 VIEWS = ((0, 0), (90, 0), (180, 0))  # azimuth and elevation
 OBLIQUE = ("--azimuth", "30", "--elevation", "15", "--fit", "0.95")
 SMALL, POSTER, EYE = 360, 3600, (735, 2470)  # pixels: a picture's side, a poster's, and where a part of it begins
@@ -127,7 +129,7 @@ def picture_and_depth(folder: Path) -> None:
     seen = made.rgba[..., 3] > 0.5
     near, far = np.quantile(made.depth[seen], (0.01, 0.99))
     gray = np.where(seen, np.clip(1.0 - 0.85 * (made.depth - near) / (far - near), 0.0, 1.0), 0.0)
-    center = (matrix @ volume.affine @ (*(np.array(volume.shape_xyz) - 1) / 2, 1.0))[:3]
+    center = rs.turntable_aim(volume, matrix)
     own = rs.Camera(
         type="PERSP", matrix_world=rs.look_at(center + (150.0, -400.0, 120.0), center), lens=80.0, clip_start=1.0,
         clip_end=2000.0,
@@ -139,6 +141,17 @@ def picture_and_depth(folder: Path) -> None:
     shown, opened = (Image.open(BytesIO(one)).convert("RGBA") for one in pictures)
     depth = Image.fromarray(np.uint8(np.rint(255.0 * gray)), "L").convert("RGBA")
     beside(folder, "how-to-python", shown, depth, opened)
+
+
+def example_of_the_readme(folder: Path) -> None:
+    """readme-python.jpg: what the Python code of the README makes of a heart."""
+    scan = data_folder() / HEART
+    if not scan.is_file():
+        return
+    (code,) = re.findall(r"^```python\n(.*?)^```", (ROOT / "README.md").read_text(encoding="utf-8"), re.M | re.S)
+    made = folder / "readme-python.png"
+    exec(code.replace("scan.nii.gz", scan.as_posix()).replace("out.png", made.as_posix()), {})
+    save_jpeg(Image.open(made).convert("RGB"), made.with_suffix(".jpg"), MOST_BYTES)
 
 
 def from_parts(folder: Path) -> None:
@@ -158,6 +171,7 @@ def from_parts(folder: Path) -> None:
         draw.rectangle((x + 1, y + 1, x + TILE - 2, y + TILE - 2), outline=color, width=3)
     beside(folder, "how-to-tiles", tiled, whole)
     picture_and_depth(folder)
+    example_of_the_readme(folder)
     strip(folder)
 
 

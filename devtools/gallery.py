@@ -32,7 +32,7 @@ SHOTS = {
     "cortex": Shot("two channels of fluorescence in mouse cortex", (1200, 1150), 12),
     "pet": Shot("a PET from two sides with its tumors in color and a bar in SUV", (1500, 1000), 12),
     "light": Shot("six scans as they are imported, and under the light of a recipe", (680, 600), 1),
-    "lamps": Shot("a skull as it is imported, and with a key, a fill and a rim light", (800, 760), 1),
+    "lamps": Shot("a brain as it is imported, and with a key, a fill and a rim light", (800, 760), 1),
 }
 
 

@@ -56,17 +56,12 @@ def _asked_for(name: str) -> Path:
 
 def aorta(folder: Path):
     """A CT angiography of a dissected aorta, with a folder of masks as TotalSegmentator writes them."""
-    import nibabel  # the extension brings it
-
     source = _asked_for("cta_aorta_labels")
     masks = folder / "segmentations"
     masks.mkdir(exist_ok=True)
     for path in source.glob("mask_*.nii.gz"):
         shutil.copyfile(path, masks / path.name.removeprefix("mask_"))
-    both = nibabel.load(source / "labels_true_false_lumen_uint8.nii.gz")
-    for value, name in ((1, "aorta_true_lumen"), (2, "aorta_false_lumen")):
-        one = (np.asarray(both.dataobj) == value).astype(np.uint8)
-        nibabel.save(nibabel.Nifti1Image(one, both.affine), masks / f"{name}.nii.gz")
+    shutil.copyfile(source / "labels_true_false_lumen_uint8.nii.gz", masks / "aorta_lumens.nii.gz")
     path = source / "cta_heart_aorta_120x126x164_int16.nii.gz"
     return path, {}, path.name
 
@@ -95,4 +90,10 @@ def pet(folder: Path):
     return min(series.iterdir()), {}, series.name
 
 
-light = lamps = skull  # the first of light's scans
+def brain(folder: Path):
+    """An MR (FLAIR) of an extracted brain."""
+    path = _asked_for("flair_brain_124x160x140_uint8.nrrd")
+    return path, {}, path.name
+
+
+light, lamps = skull, brain  # the first of several scans

@@ -1,5 +1,5 @@
 """The pictures of the page of lighting recipes: six scans under the light that an import leaves, and under the recipe;
-a skull whose lamps are added one by one (runs in an environment with bpy).
+a brain whose lamps are added one by one (runs in an environment with bpy).
 
 Every step is an operator or a setting that a user has, too.
 """
@@ -47,8 +47,8 @@ def _soft(stage: Stage) -> None:
 
 
 def _studio(stage: Stage) -> None:
-    softbox_world(((0.01, 0.01, 0.011), (0.025, 0.0275, 0.0325), (0.12, 0.13, 0.15)), SOFTBOXES)
-    stage.settings.ambient_occlusion = 0.8
+    softbox_world(((0.002, 0.002, 0.002), (0.006, 0.0065, 0.0075), (0.03, 0.033, 0.04)), SOFTBOXES)
+    stage.settings.ambient_occlusion = 1.0
 
 
 def _skin(stage: Stage) -> None:
@@ -66,10 +66,10 @@ def _smoke(stage: Stage) -> None:
 def _values(stage: Stage) -> None:
     ours = stage.volume.rle_splat
     ours.display = "mip"
-    ours.window_center, ours.window_width = 450.0, 1100.0
+    ours.window_center, ours.window_width = 700.0, 1600.0
 
 
-SOFTBOXES = (((-1.5, -0.7, 1.0), 24.0, (14.0, 13.0, 12.0)), ((1.5, 0.6, 0.4), 16.0, (5.0, 7.0, 9.5)))
+SOFTBOXES = (((-1.5, -0.6, 1.1), 20.0, (27.0, 25.0, 23.0)), ((1.5, 0.7, 0.3), 16.0, (9.0, 12.5, 17.0)))
 OPAQUE = {"opacity_unit_distance": 0.05, "smoothness": 2.0, "shift_by": -100.0}  # mm, mm, HU: thin bone is whole
 RECIPES = (
     Recipe("bone", SKULL, _bone, {"preset": "ct-bone"}, OPAQUE, aim=(0.0, 0.0, -0.06), lens=72.0),
@@ -97,7 +97,7 @@ LAMPS = (  # watts, size and place of area lights, in parts of the scan's longes
 
 
 def _without_holder() -> None:
-    """Remove Table, and Grow, so that thin walls are not cut."""
+    """Hide Table, and Grow, so that thin walls are not cut."""
     bpy.ops.rle_splat.remove_table()
     bpy.ops.rle_splat.change_segment(tool="GROW", length=2.0)
 
@@ -111,16 +111,12 @@ def _ready(stage: Stage) -> None:
 
 
 def lamps(stage: Stage):
-    """A skull as it is imported, and with a key, a fill and a rim light, each added to those before."""
+    """A brain as it is imported, and with a key, a fill and a rim light, each added to those before."""
     _ready(stage)
-    volume = stage.volume
-    bpy.ops.rle_splat.apply_preset(preset="ct-bone")
-    _without_holder()
-    for key, value in OPAQUE.items():
-        setattr(volume.rle_splat, key, value)
-    stage.camera((0.9, -1.7, 0.35), 72.0, (0.0, 0.0, -0.06))
+    bpy.ops.rle_splat.apply_preset(preset="mr-brain")
+    stage.camera((0.9, -1.7, 0.35), 84.0)
     yield "headlight"
-    volume.rle_splat.lighting, stage.settings.ambient_occlusion = "SCENE", 0.7
+    stage.volume.rle_splat.lighting, stage.settings.ambient_occlusion = "SCENE", 0.7
     for name, watts, side, place, color, shadow in LAMPS:
         stage.area(name.capitalize(), watts, place, color, side, use_shadow=shadow)
         yield name

@@ -22,7 +22,7 @@ NEAREST = 0.2  # depth of a corner, as a share of the middle's, that is seen at 
 
 class RLE_SPLAT_OT_add_letters(LoadsFirst, bpy.types.Operator):
     """Add orientation letters around what is visible, and a scale bar, as objects that renders show. They turn to the
-    camera. In perspective, the bar is true at the depth of the volume's middle. Press again after a change"""
+    camera. In perspective, the bar is true at the depth of the volume's middle. Click again after a change"""
 
     bl_idname = "rle_splat.add_letters"
     bl_label = "Add Letters and Scale Bar"

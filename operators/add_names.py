@@ -5,9 +5,9 @@ import numpy as np
 from mathutils import Matrix, Vector
 
 from ..bridge.data.settings import scene_scale_of
-from ..bridge.live import letters
+from ..bridge.live import letters, slices
 from ..bridge.look import transfer
-from ..bridge.scene.callouts import arrange, find_places
+from ..bridge.scene.callouts import find_places, split, spread
 from ..bridge.scene.clip_objects import read_clips
 from ..bridge.translations import filled
 from ..bridge.volumes import attached, box, labels, volumes
@@ -28,7 +28,7 @@ CELL = 1.5  # side of the squares in which a voxel hides others, in distances of
 
 class RLE_SPLAT_OT_add_names(LoadsFirst, bpy.types.Operator):
     """Add the names of the segments that are shown, each with a line to what the camera sees of it, as objects that
-    turn with the camera. Press again after a change: texts that you have edited are kept"""
+    turn with the camera. Click again after a change: texts that you have edited are kept"""
 
     bl_idname = "rle_splat.add_names"
     bl_label = "Add Names of Segments"
@@ -60,14 +60,16 @@ class RLE_SPLAT_OT_add_names(LoadsFirst, bpy.types.Operator):
         for one in before:
             bpy.data.objects.remove(one)
         bodies = {number: bodies.get(number) or _in_words(rows[number]) for number in places}
+        edges = _widen(edges, owner, scene, frame, (low.x, high.x))
         plane = plane_before(scene, frame, depths_of(frame, box.world_corners(owner)))
-        taken = _heights_of_letters(owner, scene, frame)
-        columns = arrange(places, low.y + STEP * tall, high.y - STEP * tall, STEP * tall, taken)
+        taken = [_in_picture(one.matrix_world.translation, scene, frame)[:2] for one in _letters_of(owner, scene)]
         material = new_emission()
-        for column, toward, edge, end in zip(columns, (-1.0, 1.0), edges, (low.x, high.x)):
+        for column, toward, edge, end in zip(split(places), (-1.0, 1.0), edges, (low.x, high.x)):
             wide = max((len(bodies[number]) for number in column), default=0) * WIDE * SIZE * tall
             x = toward * min(toward * edge + 3.0 * SPACE * tall, toward * end - 2.0 * SPACE * tall - wide)
-            for number, y in column.items():
+            own = [one for one in taken if one[0] * toward > 0.0]
+            heights = spread(column, places, x, low.y + STEP * tall, high.y - STEP * tall, STEP * tall, own)
+            for number, y in heights.items():
                 text = new_text(bodies[number], "RIGHT" if toward < 0.0 else "LEFT")
                 at = plane @ Matrix.Translation((x + toward * SPACE * tall, y, 0.0)) @ Matrix.Scale(SIZE * tall, 4)
                 line = _line((x, y), places[number], LINE * tall)
@@ -116,16 +118,32 @@ def _find_places(context, owner, rows, frame, ends) -> tuple[dict, tuple[float, 
     return found, (places[:, 0].min(), places[:, 0].max())
 
 
-def _heights_of_letters(owner, scene, frame) -> tuple[list, list]:
-    """Where orientation letters and the scale bar's length stand on the left and on the right of the picture."""
-    sides = [], []
-    for one in scene.objects:
-        if one.type == "FONT" and one.get(letters.MARK) == owner.name and letters.SEGMENT not in one:
-            place = frame.inverted() @ one.matrix_world.translation
-            if scene.camera.data.type != "ORTHO":
-                place *= scene.camera.data.view_frame(scene=scene)[2].z / place.z
-            sides[int(place.x > 0.0)].append(place.y)
-    return sides
+def _in_picture(point, scene, frame) -> Vector:
+    """A point of the world in the plane of ``view_frame``."""
+    place = frame.inverted() @ point
+    if scene.camera.data.type != "ORTHO":
+        place *= scene.camera.data.view_frame(scene=scene)[2].z / min(place.z, -scene.camera.data.clip_start)
+    return place
+
+
+def _letters_of(owner, scene) -> list:
+    """The orientation letters and the scale bar's length of a volume."""
+    return [one for one in scene.objects
+            if one.type == "FONT" and one.get(letters.MARK) == owner.name and letters.SEGMENT not in one]  # fmt: skip
+
+
+def _widen(edges, owner, scene, frame, ends) -> tuple[float, float]:
+    """The left and right end of the segments and of slices and letters beside them, so that names stand beyond all.
+
+    ``ends``: the lowest and the highest x of the picture.  What is cut off there does not count.
+    """
+    points = [one.matrix_world.translation for one in _letters_of(owner, scene) if one.data.body in letters.WORDS]
+    for one in slices.slice_objects(scene):
+        if slices.volume_of(one) == owner and not one.hide_render:
+            points += (one.matrix_world @ Vector(corner) for corner in one.bound_box)
+    across = [_in_picture(point, scene, frame).x for point in points]
+    across = [x for x in across if ends[0] < x < ends[1]]
+    return min((edges[0], *across)), max((edges[1], *across))
 
 
 def _in_words(row) -> str:

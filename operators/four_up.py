@@ -14,7 +14,7 @@ from .use_window_tool import TOOL
 
 class RLE_SPLAT_OT_four_up(LoadsFirst, bpy.types.Operator):
     """Show an axial, a coronal and a sagittal slice (MPR) beside the volume, linked by lines where they cross. The
-    wheel over one moves it, dragging changes level and window. Press again for one view"""
+    wheel over one moves it, dragging changes window and level. Click again for one view"""
 
     bl_idname = "rle_splat.four_up"
     bl_label = "Four-Up View"

@@ -30,7 +30,7 @@ class RLE_SPLAT_OT_clear_labels(bpy.types.Operator):
 
 
 class RLE_SPLAT_OT_solo_label(bpy.types.Operator):
-    """Show only this segment. Press again to show all"""
+    """Show only this segment. Click again to show all"""
 
     bl_idname = "rle_splat.solo_label"
     bl_label = "Show Segment Alone"

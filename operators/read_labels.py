@@ -45,5 +45,5 @@ class RLE_SPLAT_OT_read_labels(StepwiseOperator, bpy.types.Operator):
         if further:
             sentence += f"; {further} rows of the library have no voxels but cannot be removed"
         if not any(row.use_color for row in owner.rle_splat.labels):  # so that the picture is as before
-            sentence += "; press Color by Anatomy to see them in color"
+            sentence += "; click Color by Anatomy to see them in color"
         self.report({"INFO"}, sentence)

@@ -1,4 +1,4 @@
-"""Remove Table: the body as a segment, and all else hidden."""
+"""Hide Table: the body as a segment, and all else hidden."""
 
 import bpy
 
@@ -10,7 +10,7 @@ class RLE_SPLAT_OT_remove_table(MakesSegments, bpy.types.Operator):
     """Find the body in a CT scan, including the air inside it, and hide the table, the head holder and blankets"""
 
     bl_idname = "rle_splat.remove_table"
-    bl_label = "Remove Table"
+    bl_label = "Hide Table"
 
     hide = "BACKGROUND"
 

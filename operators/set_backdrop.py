@@ -91,7 +91,7 @@ class RLE_SPLAT_OT_set_backdrop(StepwiseOperator, bpy.types.Operator):
         backdrop.show(camera, image, self._place)
         report_picture(self, image, rendering)
         if not is_looked_through(context):
-            self.report({"INFO"}, "No 3D view looks through the camera; press Numpad 0 in one to see the picture.")
+            self.report({"INFO"}, "No 3D viewport looks through the camera; press Numpad 0 in one to see the picture.")
 
 
 class RLE_SPLAT_OT_remove_backdrop(bpy.types.Operator):

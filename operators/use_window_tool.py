@@ -8,7 +8,7 @@ TOOL = "rle_splat.window_tool"  # as registered by panels/window_tool.py
 
 
 class RLE_SPLAT_OT_use_window_tool(bpy.types.Operator):
-    """Choose the tool that changes level and window by dragging in the viewport, and shows the value under the mouse"""
+    """Select the tool for dragging window and level in the viewport. It also shows the value under the mouse"""
 
     bl_idname = "rle_splat.use_window_tool"
     bl_label = "Drag in Viewport"

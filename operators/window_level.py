@@ -19,14 +19,14 @@ CT_WINDOWS = {
     "CT_ANGIOGRAPHY": ("Vessel Window", 300.0, 600.0),
 }
 ITEMS = [
-    ("CUSTOM", "As Below", "Use the level and window below"),
+    ("CUSTOM", "As Below", "Use the window and level below"),
     ("DATA", "All Values", "Span the smallest to the largest value of the volume"),
 ] + [(name, label, f"Level {level:g} HU, window {width:g} HU") for name, (label, level, width) in CT_WINDOWS.items()]
 KEEPING = "Span the smallest to the largest value of the volume, and redraw the curves so that the picture stays"
 
 
 class RLE_SPLAT_OT_window_level(bpy.types.Operator):
-    """Set level and window: the range of values that colors and opacity, or the slices, cover"""
+    """Set window and level: the range of values that colors and opacity, or the slices, cover"""
 
     bl_idname = "rle_splat.window_level"
     bl_label = "Window and Level"

@@ -98,7 +98,7 @@ def _draw_composite(context, layout) -> None:
             paragraph(context, layout, "All volumes are disabled in renders, so renders show none.", icon="INFO")
     else:
         sentence = filled(
-            "{volume} was deleted and is missing in renders. Include another volume, or press Remove from Renders.",
+            "{volume} was deleted and is missing in renders. Include another volume, or click Remove from Renders.",
             volume=settings.deleted_volume or pgettext_iface("The volume"),
         )
         paragraph(context, layout, sentence, icon="ERROR")

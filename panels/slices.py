@@ -67,7 +67,7 @@ def _draw_window(layout, properties) -> None:
 
 
 class RLE_SPLAT_MT_slice_windows(bpy.types.Menu):
-    bl_label = "Level and Window of Slices"
+    bl_label = "Window and Level of Slices"
 
     def draw(self, _context):
         for name, label, _description in WINDOW_ITEMS:

@@ -12,7 +12,7 @@ from .places import DataTab, OfVolume, paragraph
 
 
 class RLE_SPLAT_MT_windows(bpy.types.Menu):
-    bl_label = "Level and Window"
+    bl_label = "Window and Level"
 
     def draw(self, _context):
         for name, label, _description in WINDOW_ITEMS:

@@ -31,6 +31,7 @@ _HOME = {
     # what is in the picture
     "Scene": ("scene", "Scene"),
     "turntable": ("view.turntable", "turntable"),
+    "turntable_aim": ("view.turntable", "turntable_aim"),
     "look_at": ("view.look_at", "look_at"),
     "Camera": ("scene", "Camera"),
     "Light": ("scene", "Light"),

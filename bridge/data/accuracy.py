@@ -72,7 +72,7 @@ def plan_of(row) -> Quality:
     try:
         return Quality(name=row.name, **without_removed(json.loads(row.knobs))[0])
     except (AttributeError, TypeError, ValueError):
-        raise RleSplatError(f"{row.name!r} was measured by another version; press Measure Accuracy again.") from None
+        raise RleSplatError(f"{row.name!r} was measured by another version; click Measure Accuracy again.") from None
 
 
 def is_current(scene, row) -> bool:

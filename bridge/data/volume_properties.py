@@ -195,14 +195,13 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         name="Kind of Slice", description="How the slice lay when it was added: axial, coronal or sagittal",
         options={"HIDDEN"})  # fmt: skip
     slice_position: FloatProperty(
-        name="Position", description="Distance of the slice from the middle of the scan along its normal, in the "
-        "file's unit of length, mm for patients. In most CT scans positive is toward the left, back or head. The view "
-        "names its place in the patient, such as S 6.5 mm, instead",
+        name="Position", description="Distance of the slice from the middle of the scan, in mm for patients, toward "
+        "the left, back or head in most scans. The viewport names its place in the patient's own coordinates",
         precision=1, step=100, options=set(), set=_move_slice,
         get=lambda group: group.id_data.location.z * _slice_step(group))  # fmt: skip
     slices_follow_window: BoolProperty(
         name="Same as Volume", default=True, update=_unlink_slices,
-        description="Let slices use the level and window of the volume's colors instead of their own")  # fmt: skip
+        description="Let slices use the window and level of the volume's colors instead of their own")  # fmt: skip
     slice_center: LiveFloat(
         name="Level", description="Value that slices show as middle gray", default=0.5, precision=2,
         translation_context=OURS)  # fmt: skip
@@ -259,7 +258,7 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     use_grays: LiveBool(
         name="Grays",
         default=False,
-        description="Show the values as gray levels of Level and Window instead of the colors of the preset. Not used "
+        description="Show the values as gray levels of Window and Level instead of the colors of the preset. Not used "
         "in the mode Shaded",
     )
     use_inverted_grays: LiveBool(
@@ -269,7 +268,7 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     )
     display: EnumProperty(
         name="Mode", description="What each pixel shows of the volume behind it. Modes other than Shaded begin with "
-        "grays and a level and window that suit them", items=DISPLAY_ITEMS, get=_mode_of,
+        "grays and a window and level that suit them", items=DISPLAY_ITEMS, get=_mode_of,
         set=_choose_mode)  # fmt: skip
     shaded_window: FloatVectorProperty(
         name="Window of Shaded", description="Level, window and level of the preset, for when the mode is Shaded again",
@@ -304,5 +303,5 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     two_sided: LiveBool(
         name="Two-Sided",
         default=True,
-        description="Light surfaces also when they face away from the light, which suits noisy scans",
+        description="Light both sides of a surface, also the one that faces away from the light. Suits noisy scans",
     )

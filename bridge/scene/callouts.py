@@ -6,6 +6,7 @@ Places are (x, y) in the plane of the picture, y upward, in any unit.
 import numpy as np
 
 FEWEST = 3  # squares of the picture in which a segment has to be seen for its line to lead there
+MOST_SHARE = 0.75  # of a line's way to its place; beyond it, a name's height hardly moves the line
 INWARD = 0.6  # of the way from the edge of what is seen to its innermost part, a place for the end of a line
 
 
@@ -55,47 +56,53 @@ def _innermost(inside: np.ndarray) -> np.ndarray:
     return np.argwhere(left[int(INWARD * (len(left) - 2))])
 
 
-def arrange(places: dict, low: float, high: float, step: float, taken: tuple) -> tuple[dict, dict]:
-    """Heights of names in a column on the left of a picture, and in one on its right.
+def split(places: dict) -> tuple[list, list]:
+    """The numbers of ``find_places`` that have their names on the left of a picture and on its right, from the top."""
+    across = sorted(places, key=lambda number: places[number][0])
+    half = (len(across) + 1) // 2
+    return tuple(sorted(some, key=lambda number: -places[number][1]) for some in (across[:half], across[half:]))
+
+
+def spread(column: list, places: dict, x: float, low: float, high: float, step: float, taken) -> dict:
+    """Heights of the names of a column, in the order of their places, so that lines do not cross.
 
     Parameters
     ----------
+    column : list of int
+        From the top, as of ``split``; the column has room for all.
     places : dict of int to (2,) ndarray
         As ``find_places`` returns them.
+    x : float
+        Where lines begin.
     low, high : float
         The range of heights.
     step : float
-        Least distance from name to name; both columns have room for all.
-    taken : tuple of (sequence of float)
-        In each column the heights at which something else stands.
+        Least distance from name to name, and of names and lines from what stands at ``taken``.
+    taken : sequence of (x, y)
 
     Returns
     -------
-    tuple of (dict of int to float)
-        In each column the names are in the order of their places, so lines do not cross.
+    dict of int to float
+        Each as near to the height of its place as the others leave it.
     """
-    across = sorted(places, key=lambda number: places[number][0])
-    half = (len(across) + 1) // 2
-    columns = (sorted(some, key=lambda number: -places[number][1]) for some in (across[:half], across[half:]))
-    return tuple(
-        dict(zip(column, _spread([places[number][1] for number in column], low, high, step, others), strict=True))
-        for column, others in zip(columns, taken, strict=True)
-    )
 
+    def passed(number, height, toward):
+        """The height at which neither name nor line meets what is taken, ``toward`` 1 above it or -1 below."""
+        to_x, to_y = places[number]
+        for other_x, other_y in sorted(taken, key=lambda other: -toward * other[1]):
+            share = min(max((other_x - x) / (to_x - x), 0.0), MOST_SHARE) if to_x != x else 0.0
+            if abs((1.0 - share) * height + share * to_y - other_y) < step:
+                height = (other_y + toward * step - share * to_y) / (1.0 - share)
+        return height
 
-def _spread(wanted: list, low: float, high: float, step: float, taken) -> list:
-    """Heights, falling, each as near to the one wanted as the others leave it."""
     heights = []
-    for one in wanted:
-        one = min(one, heights[-1] - step if heights else high)
-        for other in sorted(taken, reverse=True):
-            one = other - step if abs(one - other) < step else one
-        heights.append(one)
+    for number in column:
+        height = min(places[number][1], heights[-1] - step if heights else high)
+        heights.append(passed(number, height, -1.0))
     least = low
     for n in reversed(range(len(heights))):
-        one = max(heights[n], least)
-        if one > heights[n]:
-            for other in sorted(taken):
-                one = other + step if abs(one - other) < step else one
-        heights[n], least = one, one + step
-    return heights
+        height = max(heights[n], least)
+        if height > heights[n]:
+            height = passed(column[n], height, 1.0)
+        heights[n], least = height, height + step
+    return dict(zip(column, heights, strict=True))

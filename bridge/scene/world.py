@@ -76,7 +76,7 @@ def state(scene, lighting: str = "SCENE") -> str:
     if color is not None and not any(color):
         return "World: black, so it gives no light"
     if not has_directions and not any(one.type == "LIGHT" and not one.hide_render for one in scene.objects):
-        return "World: one color, which lights the volume once there is a light"
+        return "World: one color, which lights the volume if the scene has a light"
     return f"World: {origin}"
 
 

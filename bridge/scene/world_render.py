@@ -35,9 +35,9 @@ EVEN = 0.005  # of the mean: a light that changes by less with direction is one 
 MAP = 256  # pixels across by which Cycles finds where a world is bright; its own choice takes a second
 MOST_KEPT = 1024  # states of a world
 STALE = (
-    "The world has changed since its light was rendered; the volume shows the earlier light. Press Update World Light."
+    "The world has changed since its light was rendered; the volume shows the earlier light. Click Update World Light."
 )
-NOT_YET = "The world's light is not rendered yet, so it is left out; press Update World Light."
+NOT_YET = "The world's light is not rendered yet, so it is left out; click Update World Light."
 _OF_ALL_NODES = {prop.identifier for prop in bpy.types.Node.bl_rna.properties} - {"mute"}
 
 

@@ -37,7 +37,7 @@ COMPOSED = (
     "{file} is a gzip file that ends too early; copy or download it again.",
     "{file} is a damaged gzip file; copy or download it again.",
     "The voxels of {file} are colors; export one number for each voxel.",
-    "The file of {volume} is not at {path}; press Relocate in the RLE Splat tab to choose its new place.",
+    "The file of {volume} is not at {path}; click Relocate in the RLE Splat tab to choose its new place.",
     "A picture of {width} x {height} pixels needs about {needed} of memory and {free} are free; "
     "{fitting_width} x {fitting_height} pixels would fit.",
     "{volume} is disabled in viewports or excluded from this view layer, so Blender does not update its place; "

@@ -100,7 +100,7 @@ def source_of(owner, frame: int) -> VolumeSource:
         state = file_changes.state_of(path, bool(properties.series_key))
     except OSError:
         raise RleSplatError(
-            f"The file of {owner.name!r} is not at {path}; press Relocate in the RLE Splat tab to choose its new place."
+            f"The file of {owner.name!r} is not at {path}; click Relocate in the RLE Splat tab to choose its new place."
         ) from None
     return VolumeSource(path, options, (path, state, tuple(sorted(options.items()))))
 
@@ -155,7 +155,7 @@ def _cached_steps(source: VolumeSource, wish: store.Wish):
         return (yield from store.steps(wish, source.key, lambda: file_steps(source.path, source.options)))
     except SeveralSeries as several:
         raise RleSplatError(
-            f"{several.problem} at {source.path}; press Relocate in the RLE Splat tab to choose one."
+            f"{several.problem} at {source.path}; click Relocate in the RLE Splat tab to choose one."
         ) from None
 
 
@@ -193,7 +193,7 @@ def load_volume(owner, warn=None, depsgraph=None, ahead: int = 0):
 def _changed(owner) -> str:
     return filled(
         "The voxels of {volume} are not those that were imported, because {path} has changed; import it again, or "
-        "press Relocate to choose the original file.", volume=repr(owner.name), path=resolved_path(owner))  # fmt: skip
+        "click Relocate to choose the original file.", volume=repr(owner.name), path=resolved_path(owner))  # fmt: skip
 
 
 def list_changes(scene) -> list[str]:

@@ -75,7 +75,7 @@ FORMATS = (
         ("frame",), read_metaimage_steps, recognizes_metaimage,
     ),
     Format(
-        "masks", (), "a folder of masks, one NIfTI file for each organ (TotalSegmentator), as one label map",
+        "masks", (), "a folder of masks, NIfTI files of one organ each (TotalSegmentator) or label maps that name their labels",
         (), read_masks_steps, reads_folder=reads_mask_folder,
     ),
     Format(
@@ -189,10 +189,7 @@ def _with_guessed_unit(volume: Volume) -> Volume:
     """The volume as CT in HU, with a remark, if its values look like it and nothing else is known of them."""
     if volume.value_unit is not None or volume.modality not in (None, "CT") or not looks_like_hounsfield(volume):
         return volume
-    remark = (
-        "The histogram has the peaks of air or lungs (below -700) and water (0), so the values are taken as Hounsfield "
-        "units of a CT; give the value unit and the modality if they are not."
-    )
+    remark = "Taken as a CT in HU, by the peaks of air or lungs (below -700) and water (0) in the histogram."
     return replace(volume, value_unit="HU", modality="CT", remarks=(*volume.remarks, remark))
 
 

@@ -1,5 +1,6 @@
-"""A folder of masks, one NIfTI file for each organ as TotalSegmentator writes them, as one label map."""
+"""A folder of masks, NIfTI files of one organ each as TotalSegmentator writes them, as one label map."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -32,7 +33,8 @@ def read_masks_steps(path: str | Path):
     -------
     Volume
         uint8 or uint16. The masks in the order of their names are the labels 1, 2, ...; empty ones have no name in
-        ``named_labels``. Where masks overlap, the last one counts, and a remark tells how many voxels overlap.
+        ``named_labels``. A file that names several labels in its header is a mask of each of them. Where masks overlap,
+        the last one counts, and a remark tells how many voxels overlap.
 
     Raises
     ------
@@ -44,37 +46,49 @@ def read_masks_steps(path: str | Path):
     if len(files) > MOST_MASKS:
         raise RleSplatError(f"{path.name} holds {len(files)} files; at most {MOST_MASKS} masks can be read.")
     first = merged = None
-    labels, overlaps = [], 0
-    for number, file in enumerate(files, start=1):
-        span = (number - 1) / len(files), number / len(files)
-        doing = f"reading {path.name} ({number} of {len(files)} masks)"
+    labels, overlaps, most = [], 0, 0
+    for place, file in enumerate(files, start=1):
+        span = (place - 1) / len(files), place / len(files)
+        doing = f"reading {path.name} ({place} of {len(files)} masks)"
         mask = yield from rescale(read_nifti_steps(file), *span, doing)
-        if first is None:
-            kind = np.uint8 if len(files) < 256 else np.uint16
-            first, merged = mask, allocate(path, mask.shape_xyz, kind)
+        if first is None or merged is None:
+            first, merged = mask, allocate(path, mask.shape_xyz, np.uint8)
             merged[...] = 0
+        rows = _rows(file, mask, most)
+        most += len(rows)
+        if most > np.iinfo(merged.dtype).max:
+            merged = merged.astype(np.uint16)
         mask = yield from on_grid_steps(mask, first)
         if mask.voxels.shape != merged.shape:
             raise _no_masks(path, len(files))
-        counted = 0
+        counted = set()
         for z, values in enumerate(mask.voxels):
             there = values != 0
-            if there.any():
-                if (values[there] != values[there][0]).any():
-                    raise _no_masks(path, len(files))
-                counted += int(np.count_nonzero(there))
-                overlaps += int(np.count_nonzero(merged[z][there]))
-                merged[z][there] = number
-            yield Progress(number / len(files), "merging masks")
-        if counted:
-            labels.append(NamedLabel(number, plain_name(file)))
-    if not labels:
+            found = np.unique(values[there])
+            if (len(rows) == 1 and len(found) > 1) or (len(rows) > 1 and not set(found.tolist()) <= rows.keys()):
+                raise _no_masks(path, len(files))
+            overlaps += int(np.count_nonzero(merged[z][there]))
+            for value in found.tolist():
+                row = rows[value] if len(rows) > 1 else rows[None]
+                merged[z][values == value] = row.label
+                counted.add(row.label)
+            yield Progress(place / len(files), "merging masks")
+        labels += (row for row in rows.values() if row.label in counted)
+    if first is None or merged is None or not labels:
         raise RleSplatError(f"All {len(files)} masks in {path.name} are empty; choose another folder.")
     remark = f"Masks overlap in {overlaps} voxels, which show the last of them in the order of names."
     return Volume(
         voxels=merged, affine=first.affine, unit=first.unit, space=first.space, name=path.name,
         named_labels=tuple(labels), remarks=(*first.remarks, *((remark,) if overlaps else ())),
     )  # fmt: skip
+
+
+def _rows(file: Path, mask: Volume, most: int) -> dict:
+    """Value in a file to its NamedLabel in the merged map, numbered from ``most`` + 1; None for any value of a mask."""
+    own = [one for one in mask.named_labels if one.label != 0]
+    if len(own) < 2:
+        return {None: NamedLabel(most + 1, plain_name(file))}
+    return {one.label: replace(one, label=most + number) for number, one in enumerate(own, start=1)}
 
 
 def _no_masks(path: Path, count: int) -> RleSplatError:

@@ -143,8 +143,22 @@ def distance_to_see(extent, slopes) -> float:
     return float((extent[:, :2] / np.asarray(slopes, np.float64) + extent[:, 2:]).max())
 
 
-def turntable_aim(volume: Volume, volume_matrix, scene_scale: float) -> np.ndarray:
-    """(3,) float64: the center of the box of voxel centers in the world, for the matrix of ``turntable``."""
+def turntable_aim(volume: Volume, volume_matrix, scene_scale: float = 1.0) -> np.ndarray:
+    """Find the point that ``turntable`` looks at.
+
+    Parameters
+    ----------
+    volume : Volume
+    volume_matrix : (4, 4) array_like
+        As ``turntable`` returns it.
+    scene_scale : float
+        World units per unit of the volume, as for ``turntable``.
+
+    Returns
+    -------
+    (3,) ndarray of float64
+        The center of the box of voxel centers, in world units.
+    """
     if volume.space != PATIENT:
         return 0.5 * (np.array(volume.shape_xyz) - 1) * volume.spacing * scene_scale
     middle = volume.affine @ (*(0.5 * (np.array(volume.shape_xyz) - 1)), 1.0)

@@ -15,7 +15,7 @@ from tests.blender.real_blender import MODULE
 SIDE = 8  # voxels
 LONG_NAME = "sub-01_ses-preop_acq-mprage_run-02_T1w"  # as scans have them, and too long for its row
 SENTENCE = (
-    "The file of 'sub-01_ses-preop_acq-mprage_run-02_T1w' is not at //scans/sub-01.nii.gz; press Relocate in the "
+    "The file of 'sub-01_ses-preop_acq-mprage_run-02_T1w' is not at //scans/sub-01.nii.gz; click Relocate in the "
     "RLE Splat tab to choose its new place."
 )
 

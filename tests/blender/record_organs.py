@@ -13,7 +13,6 @@ from math import radians
 from pathlib import Path
 
 import bpy
-import numpy as np
 
 from tests.blender.guide_steps import AORTA, DATA, SCANS, activate, begin, beside, keep, lamp, look_from
 from tests.blender.user_steps import middle, press, settled
@@ -31,24 +30,20 @@ from tests.blender.window_driver import (
 
 ORGANS = "540x610+160+140"  # of a photograph
 # The slice's place in mm and its level and window in HU.
-BELOW = "superior_mesenteric_artery"  # the slice
+LEFT_OUT = ("superior_mesenteric_artery",)  # below the slice
 TEXTS = {"Aorta true lumen": "Ascending aorta, true lumen", "Aorta false lumen": "False lumen",
           "Annulus proper": "Aortic annulus"}  # names before, after  # fmt: skip
-GROUND, VESSEL_WINDOW, VIOLET = -112.0, (150.0, 900.0), (0.22, 0.1, 0.42)
+RINGS = "annulus_proper", "sinotubular_junction"  # thin ones, in a color of their own
+GROUND, VESSEL_WINDOW, VIOLET, YELLOW = -112.0, (150.0, 900.0), (0.22, 0.1, 0.42), (0.8, 0.55, 0.1)
 
 
 def masks() -> Path:
-    """A folder of masks as TotalSegmentator writes them; that of both lumina is split."""
-    import nibabel  # the extension brings it
-
+    """A folder of masks as TotalSegmentator writes them, with a label map of both lumina."""
     folder = SCANS / "segmentations"
     folder.mkdir(parents=True, exist_ok=True)
     for path in (DATA / AORTA).glob("mask_*.nii.gz"):
         shutil.copyfile(path, folder / path.name.removeprefix("mask_"))
-    both = nibabel.load(DATA / AORTA / "labels_true_false_lumen_uint8.nii.gz")
-    for value, name in ((1, "aorta_true_lumen"), (2, "aorta_false_lumen")):
-        one = (np.asarray(both.dataobj) == value).astype(np.uint8)
-        nibabel.save(nibabel.Nifti1Image(one, both.affine), folder / f"{name}.nii.gz")
+    shutil.copyfile(DATA / AORTA / "labels_true_false_lumen_uint8.nii.gz", folder / "aorta_lumens.nii.gz")
     return folder
 
 
@@ -62,7 +57,7 @@ def tutorial_of_organs():
     scene, view = bpy.context.scene, area_of("VIEW_3D").spaces.active
     scene.world = bpy.data.worlds.new("World")  # as in a new file
     scene.render.engine, scene.cycles.samples, scene.cycles.device = "CYCLES", 16, "CPU"
-    scene.render.resolution_x, scene.render.resolution_y = 1200, 900
+    scene.render.resolution_x, scene.render.resolution_y = 1400, 900
     scene.view_settings.view_transform = "Standard"
     view.overlay.show_relationship_lines = False
     with in_the_view():
@@ -81,7 +76,9 @@ def tutorial_of_organs():
     false = next(n for n, row in enumerate(ours.labels) if row.label_name == "aorta_false_lumen")
     ours.active_label, ours.labels[false].color = false, VIOLET
     for row in ours.labels:
-        row.show = row.label != 0 and row.label_name != BELOW
+        if row.label_name in RINGS:
+            row.color = YELLOW
+        row.show = row.label != 0 and row.label_name not in LEFT_OUT
     yield from settled()
     yield from keep("alone", ORGANS)
     beside("how-to-isolate", "whole", "alone")
@@ -99,7 +96,7 @@ def tutorial_of_organs():
     ours.lighting, scene.rle_splat.ambient_occlusion, scene.rle_splat.quality = "SCENE", 0.7, "fine"
     camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
     scene.collection.objects.link(camera)
-    look_from(80.0, 35.0, 1.9)  # a camera sees half of what a viewport does
+    look_from(80.0, 35.0, 2.2)  # a camera sees half of what a viewport does
     yield from settled()
     scene.camera, camera.matrix_world = camera, view.region_3d.view_matrix.inverted()
     view.region_3d.view_perspective = "CAMERA"

@@ -264,7 +264,7 @@ def test_an_output_that_lacks_the_volume_is_said(volume, bridge, tmp_path):
     tree.links.new(exposure.outputs[0], add_file_output(tree, tmp_path))
     scenes.rendered(tmp_path / "out.exr")
     assert bpy.context.scene.rle_splat.render_problem == (
-        "The compositor's node 'File Output' shows the render without the volume; press Show in Renders again."
+        "The compositor's node 'File Output' shows the render without the volume; click Show in Renders again."
     )
     bpy.ops.rle_splat.composite()
     scenes.rendered(tmp_path / "out.exr")

@@ -237,7 +237,7 @@ BROKEN = {
     "missing": (lambda path: (path / "rows.runs").unlink(), "rows.runs is missing"),
     "header": (lambda path: (path / "header.json").write_text("0"), "its header is not complete"),
     "no header": (lambda path: (path / "header.json").unlink(), "cannot read"),
-    "gone": (shutil.rmtree, "press Relocate"),
+    "gone": (shutil.rmtree, "click Relocate"),
 }
 
 

@@ -10,7 +10,7 @@ from tests.blender import layout_recorder
 from tests.blender.real_blender import MODULE
 from tests.blender.scenes import save_and_reload, update
 
-SENTENCE = "The file is gone; press Relocate."
+SENTENCE = "The file is gone; click Relocate."
 
 
 @pytest.fixture

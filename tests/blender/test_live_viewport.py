@@ -389,12 +389,12 @@ def test_a_failure_is_not_tried_again_until_its_inputs_change(live, made, core):
 
     def fail(*_arguments):
         calls.append(1)
-        raise core("scene").RleSplatError("The file is gone; press Relocate.")
+        raise core("scene").RleSplatError("The file is gone; click Relocate.")
 
     surface.contents = fail
     for _ in range(5):
         viewport.redraw(request_of(live), 1, surface)
-    assert viewport.problem == "The file is gone; press Relocate." and len(calls) == 1
+    assert viewport.problem == "The file is gone; click Relocate." and len(calls) == 1
     assert viewport.pictures == [] and not viewport.is_busy
     viewport.redraw(request_of(live, 31.0), 1, surface)
     viewport.redraw(request_of(live, 31.0), 2, surface)

@@ -26,7 +26,7 @@ pytestmark = pytest.mark.usefixtures("by_numpy")
 SENTENCES = (
     SENTENCE,
     "The voxels of 'THORAX_VENOUS' are not those that were imported, because //CT/THORAX_VENOUS.nii has changed; "
-    "import it again, or press Relocate to choose the original file.",
+    "import it again, or click Relocate to choose the original file.",
     "Against the exact integral of values that are interpolated, then classified: largest "
     "3.82/255, RMSE 0.784/255 at one pixel in each 4 x 4. White in the image is an error of 1/255 or more.",
 )

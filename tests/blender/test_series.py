@@ -205,5 +205,5 @@ def test_a_second_series_that_came_later_is_told_in_a_sentence(study, bridge, co
     bridge("volumes.volumes").forget_all()
     assert bridge("volumes.volumes").load_volume(active()).shape_xyz[2] == 5, "it is found by its hash"
     active().rle_splat.series_key = ""  # as in a scene of an earlier version
-    with pytest.raises(core("scene").RleSplatError, match=r"There are 2 series at .*first; press Relocate"):
+    with pytest.raises(core("scene").RleSplatError, match=r"There are 2 series at .*first; click Relocate"):
         bridge("volumes.volumes").load_volume(active())

@@ -201,7 +201,7 @@ def test_a_missing_file_leaves_a_sentence(owner, bridge, tmp_path):
     bridge("volumes.volumes").forget_all()
     one.location.z = 1.0
     scenes.update()
-    assert "press Relocate" in bpy.context.scene.rle_splat.message
+    assert "click Relocate" in bpy.context.scene.rle_splat.message
 
 
 @pytest.mark.parametrize("linked", [False, True])

@@ -129,7 +129,7 @@ def check_world_light():
     background = next(node for node in scene.world.node_tree.nodes if node.type == "BACKGROUND")
     state = import_module(f"{MODULE}.bridge.scene.world").state
     yield from settled()
-    assert "press Update World Light" in state(scene), state(scene)
+    assert "click Update World Light" in state(scene), state(scene)
     yield from photograph("world light not rendered yet")
     with in_the_view():
         assert bpy.ops.rle_splat.update_world_light("INVOKE_DEFAULT") == {"RUNNING_MODAL"}
@@ -138,7 +138,7 @@ def check_world_light():
     yield from photograph("world light rendered")
     background.inputs["Strength"].default_value = 0.3
     yield from settled()
-    assert "Press Update World Light" in state(scene), state(scene)
+    assert "Click Update World Light" in state(scene), state(scene)
     passed("world light")
 
 

@@ -1,4 +1,4 @@
-"""Remove Table in a real Blender with a window, from the import of a chest CT to undo.
+"""Hide Table in a real Blender with a window, from the import of a chest CT to undo.
 
 dev.py test runs it.  The scan is a file tests/blender/chest.* if there is one, else a phantom of a chest on a table.
 """

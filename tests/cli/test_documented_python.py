@@ -18,14 +18,15 @@ def _python_of(page: Path) -> str:
     return "".join(re.findall(r"^```python\n(.*?)^```", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL))
 
 
-def test_the_example_of_the_readme_runs(tmp_path, monkeypatch, capsys):
+@pytest.mark.slow  # it compiles the kernels of the quality fine under a sun
+def test_the_example_of_the_readme_runs(tmp_path, monkeypatch):
     z, y, x = np.indices((SIDE, SIDE, SIDE)) - SIDE // 2
     values = np.float32(1000.0 * np.exp(-((np.sqrt(x**2 + y**2 + z**2) / (SIDE / 3)) ** 8)))
     rle_splat.write_volume(rle_splat.Volume(values, np.eye(4), space="patient"), tmp_path / "scan.nii.gz")
     monkeypatch.chdir(tmp_path)
     names = {}
     exec(compile(_python_of(ROOT / "README.md"), "README.md", "exec"), names)
-    assert 0.02 < (names["rendering"].rgba[..., 3] > 0.5).mean() < 0.5 and "values" in capsys.readouterr().out
+    assert 0.02 < (names["rendering"].rgba[..., 3] > 0.5).mean() < 0.6 and "values" in names["why"]
     assert (tmp_path / "out.png").stat().st_size > 10_000
 
 
@@ -34,9 +35,8 @@ def test_the_documented_example_runs(tmp_path, monkeypatch, capsys):
     pytest.importorskip("SimpleITK")
     text = _python_of(PAGE)
     for old, new in (
-        ("scan.raw.gz", "scan.raw"),
+        ("scan.nii.gz", "scan.nrrd"),
         ("organs.nii.gz", "organs.nrrd"),
-        ("256", f"{SIDE}"),
         ("512", f"{SIDE}"),
         ("800", f"{SIDE}"),
         ("600", f"{SIDE}"),
@@ -45,8 +45,8 @@ def test_the_documented_example_runs(tmp_path, monkeypatch, capsys):
         text = text.replace(old, new)
     z, y, x = np.indices((SIDE, SIDE, SIDE)) - SIDE // 2
     ball = np.clip(255.0 - 8.0 * np.abs(np.sqrt(x**2 + y**2 + z**2) - SIDE / 4), 0.0, 255.0)
-    ball.astype(np.uint8).tofile(tmp_path / "scan.raw")
-    volume = rle_splat.read_volume(tmp_path / "scan.raw", shape=(SIDE,) * 3, dtype="uint8")
+    volume = rle_splat.Volume(ball.astype(np.uint8), np.eye(4))
+    rle_splat.write_volume(volume, tmp_path / "scan.nrrd")
     rle_splat.write_volume(
         replace(volume, voxels=np.where(ball > 128.0, 5, 0).astype(np.uint8)), tmp_path / "organs.nrrd"
     )

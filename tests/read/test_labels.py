@@ -178,6 +178,32 @@ def test_a_folder_of_masks_is_one_label_map(tmp_path):
     assert found.key == volume.key
 
 
+def test_a_file_of_named_labels_in_a_folder_of_masks_is_a_segment_for_each(tmp_path):
+    folder = masks(tmp_path / "seg", {"liver": (0, 5), "spleen": (6, 8)})
+    voxels = np.zeros(SHAPE[::-1], np.uint8)
+    voxels[:, 1:3], voxels[:, 3:] = 7, 4
+    names = (NamedLabel(4, "false lumen", (0.2, 0.1, 0.5)), NamedLabel(7, "true lumen"), NamedLabel(9, "nowhere"))
+    drain(write_steps(Volume(voxels, SCAN.affine, space=PATIENT, named_labels=names), folder / "lumens.nii.gz"))
+    volume = read_volume(folder)
+    assert [(one.label, one.name) for one in volume.named_labels] == [
+        (1, "liver"), (2, "false lumen"), (3, "true lumen"), (5, "spleen")]  # fmt: skip
+    np.testing.assert_allclose(volume.named_labels[1].color, (0.2, 0.1, 0.5), atol=1e-5)
+    expected = np.where(voxels == 4, 2, np.where(voxels == 7, 3, np.arange(8) < 5))
+    expected[..., 6:] = 5
+    np.testing.assert_array_equal(volume.voxels, expected)
+    voxels[0, 0, 0] = 8  # a value without a name
+    drain(write_steps(Volume(voxels, SCAN.affine, space=PATIENT, named_labels=names), folder / "lumens.nii.gz"))
+    with pytest.raises(RleSplatError, match="3 NIfTI files that are not masks on one grid"):
+        read_volume(folder)
+
+
+def test_a_folder_of_more_than_255_masks_has_numbers_of_16_bits(tmp_path):
+    folder = masks(tmp_path / "seg", {f"m{number:03}": (number % 8, number % 8 + 1) for number in range(258)})
+    volume = read_volume(folder)
+    assert volume.voxels.dtype == np.uint16 and [one.label for one in volume.named_labels] == list(range(1, 259))
+    np.testing.assert_array_equal(volume.voxels[0, 0], (257, 258, 251, 252, 253, 254, 255, 256))
+
+
 def test_a_folder_of_scans_is_no_label_map(tmp_path):
     folder = masks(tmp_path / "seg", {"a": (0, 3), "b": (2, 5)})
     values = np.arange(np.prod(SHAPE), dtype=np.int16).reshape(SHAPE)
