@@ -75,7 +75,7 @@ FORMATS = (
         ("frame",), read_metaimage_steps, recognizes_metaimage,
     ),
     Format(
-        "masks", (), "a folder of masks, NIfTI files of one organ each (TotalSegmentator) or label maps that name their labels",
+        "masks", (), "a folder of NIfTI masks (TotalSegmentator), or of label maps that name their labels",
         (), read_masks_steps, reads_folder=reads_mask_folder,
     ),
     Format(
