@@ -32,7 +32,7 @@ from .licenses import bundled
 from .places import ROOT
 
 PLACES = {  # (bl_space_type, bl_category or bl_context) -> where a user finds a panel
-    ("VIEW_3D", "RLE Splat"): "3D View > Sidebar > RLE Splat",
+    ("VIEW_3D", "RLE Splat"): "3D Viewport > Sidebar > RLE Splat",
     ("PROPERTIES", "render"): "Properties > Render",
     ("PROPERTIES", "data"): "Properties > Object Data",
 }
