@@ -31,7 +31,7 @@ OBLIQUE = ("--azimuth", "30", "--elevation", "15", "--fit", "0.95")
 SMALL, POSTER, EYE = 360, 3600, (735, 2470)  # pixels: a picture's side, a poster's, and where a part of it begins
 TILE, WORKERS = 90, ("#4477aa", "#ee6677", "#228833", "#ccbb44")  # pixels; a color for each
 MOST_BYTES, BLACK = 80_000, (0.0, 0.0, 0.0)
-TURN = tuple((20 + 60 * n, 15) for n in range(6))
+TURN = 6  # frames of the turntable
 CLOSE = ("--azimuth", "30", "--elevation", "20", "--fit", "0.42", "--size", "400")
 STEPS = (  # of the strip, after the slices: pictures of the documentation, and the part of each
     ("tutorial-3-preset", (230, 310, 790, 730)), ("tutorial-4-cut", (60, 162, 920, 807)),
@@ -85,14 +85,14 @@ def skull_words(folder: Path) -> list[str]:
 
 def command_lines(folder: Path) -> list[list[str]]:
     """The figures, a turntable, and a part of the skull in two qualities."""
-    skull, views, turn = skull_words(folder), *([w for v in views for w in ("--view", *map(str, v))]
-                                                for views in (VIEWS, TURN))  # fmt: skip
+    skull, views = skull_words(folder), [word for view in VIEWS for word in ("--view", *map(str, view))]
+    heart = data_folder() / HEART
+    turned = heart if heart.is_file() else skull[0]
     page = ["figure", *skull, "--columns", "3", "--fit", "1.06", "--quality", "fine"]
     return [
         [*page, *views, "-o", str(folder / "figure-skull.svg"), "-o", str(folder / "figure-skull.png")],
-        [*page, *turn, *(word for turned, _ in TURN for word in ("--title", f"{turned}°")),
-         "--scale-bar", "off", "--no-color-bar", "--caption", "", "--dpi", "200",
-         "-o", str(folder / "how-to-turn.png")],
+        ["render", str(turned), "--frames", "1", str(TURN), "--turn", str(360 // TURN), "--elevation", "10", "--fit",
+         "0.95", "--size", str(SMALL), "--quality", "fine", "-o", str(folder / "turn.png")],
         *(["render", *skull, *CLOSE, "--quality", quality, "-o", str(folder / f"how-to-{quality}.png")]
           for quality in ("draft", "fine")),
         *(["render", skull[0], "--preset", "ct-bone", *turned, "--size", "512", "-o", str(folder / f"{name}.png")]
@@ -156,6 +156,8 @@ def example_of_the_readme(folder: Path) -> None:
 
 def from_parts(folder: Path) -> None:
     """The pictures that are put together from others."""
+    frames = [Image.open(folder / f"turn_{number:04}.png").convert("RGBA") for number in range(1, TURN + 1)]
+    beside(folder, "how-to-turn", *(one.resize((SMALL // 2, SMALL // 2), Image.Resampling.LANCZOS) for one in frames))
     whole, coarse, part = (Image.open(folder / f"{name}.png").convert("RGBA") for name in ("whole", "coarse", "part"))
     beside(folder, "how-to-coarse", coarse, whole)
     beside(folder, "first-picture", *(Image.open(folder / f"{name}.png").convert("RGBA") for name in ("out", "side")))

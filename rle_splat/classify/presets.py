@@ -62,7 +62,7 @@ _ROWS = (
     Preset("mr-brain", "MR Brain", "MR", "gray and white matter of a brain without skull"),
     Preset("mr-angiography", "MR Angiography", "MR", "bright vessels"),
     Preset("mr-mip", "MR MIP", "MR", "bright vessels in gray, for MIP"),
-    Preset("x-ray", "See-Through", None, "everything, faintly, unshaded, like a radiograph"),
+    Preset("x-ray", "Faint", None, "everything, faintly, unshaded, like a radiograph"),
     Preset("window", "Gray", None, "a gray window over all values, for MIP, MinIP and average"),
     Preset("xa-limb", "X-Ray Limb", "XA", "bones in soft tissue, from a rotational X-ray"),
     Preset("smoke", "Smoke", "SMOKE", "gray smoke from thin to dense"),

@@ -33,6 +33,7 @@ from tests.blender.window_driver import (
 HEAD = "620x560+140+170"
 BEATING, PANEL, REPORT = "280x330+380+230", "260x330+990+448", "975x695+280+82"
 RAW = "cthead_256x256x113_uint16be.raw.gz"
+HEART, BRAIN = f"{AORTA}/cta_heart_aorta_120x126x164_int16.nii.gz", "flair_brain_124x160x140_uint8.nrrd"
 FOOT, HEAD_MR = "foot_256x256x256_uint8_fromjpeg.raw.gz", "t1_head_188x256x190_uint8.nii.gz"
 PANELS = ("transfer", "slices", "shading")  # that are open
 
@@ -48,7 +49,7 @@ def imported(preset: str, name: str, **given):
         assert bpy.ops.rle_splat.apply_preset(preset=preset) == {"FINISHED"}
     volume = bpy.context.view_layer.objects.active
     if not (DATA / name).is_dir():
-        volume.name = name.split("_")[0].title()  # a short one
+        volume.name = Path(name).name.split("_")[0].title()  # a short one
     volume.select_set(False)  # a selected box is orange
     area_of("VIEW_3D").spaces.active.overlay.show_relationship_lines = False
     return volume
@@ -146,17 +147,37 @@ def table():
     passed("table")
 
 
-def surface():
-    volume = yield from skull()
+def cut():
+    """A heart, whole and cut open by a box whose handles are shown."""
+    yield from imported("ct-angiography", HEART)
+    look_from(78.0, 25.0, 0.5)
+    yield from settled()
+    yield from keep("closed", HEAD)
     with in_the_view():
-        assert bpy.ops.rle_splat.extract_surface(of="VALUE", value=250.0) == {"FINISHED"}
+        assert bpy.ops.rle_splat.add_clip(kind="BOX", keep="INSIDE") == {"FINISHED"}
+    box = bpy.context.view_layer.objects.active
+    box.matrix_world.translation.y += 0.085  # m
+    yield from settled()
+    yield from keep("open", HEAD)
+    beside("how-to-cut", "closed", "open")
+    passed("cut")
+
+
+def surface():
+    """A brain, and the mesh of its surface."""
+    volume = yield from imported("mr-brain", BRAIN)
+    bare()
+    area_of("VIEW_3D").spaces.active.overlay.show_extras = False  # without the box
+    look_from(78.0, 30.0, 0.5)
+    with in_the_view():
+        assert bpy.ops.rle_splat.extract_surface(of="OPACITY") == {"FINISHED"}
     made, view = bpy.context.view_layer.objects.active, area_of("VIEW_3D").spaces.active
     made.select_set(False)  # its wires would be orange
     made.hide_set(True)
     yield from settled()
     yield from keep("volume", HEAD)
     made.hide_set(False)
-    made.modifiers.new("Decimate", "DECIMATE").ratio = 0.03
+    made.modifiers.new("Decimate", "DECIMATE").ratio = 0.15
     volume.hide_set(True)
     view.shading.color_type = "VERTEX"
     view.overlay.show_wireframes, view.overlay.wireframe_threshold, view.overlay.wireframe_opacity = True, 1.0, 0.4
@@ -194,16 +215,16 @@ def live():
         one.matrix_world = place @ one.matrix_world @ Matrix.Scale(0.5, 4)
     ours.slices_clear_black, ours.slices_follow_window = True, False
     ours.slice_center, ours.slice_width = 90.0, 160.0
-    tip = middle_of + Vector((0.012, -0.012, 0.012))
+    tip = middle_of + Vector((0.012, -0.0005, 0.012))  # half embedded in the coronal cut
     for name, radius, length, color in (
-        ("Lead", 0.0012, 0.14, (0.9, 0.92, 0.95)),
+        ("Lead", 0.0012, 0.11, (0.5, 0.53, 0.58)),
         ("Contact", 0.0022, 0.012, (1.0, 0.3, 0.05)),
     ):
         with in_the_view():
             bpy.ops.mesh.primitive_cylinder_add(radius=radius, depth=length)
         one = bpy.context.view_layer.objects.active
         one.name = name
-        along = Vector((0.6, -0.35, 0.75)).normalized()
+        along = Vector((0.5, 0.0, 0.85)).normalized()
         one.matrix_world = (
             Matrix.Translation(tip + along * length / 2) @ along.to_track_quat("Z", "Y").to_matrix().to_4x4()
         )
@@ -335,7 +356,7 @@ def scenario():
 
 
 PARTS = (
-    curve, window_tool, set_up_slices, smoothness, table, surface, raw_file, live, pinned, in_time,
+    curve, window_tool, set_up_slices, smoothness, table, cut, surface, raw_file, live, pinned, in_time,
     reported,
 )  # fmt: skip
 drive(scenario)

@@ -57,8 +57,8 @@ OPEN = "480x500+90+150"  # of a frame
 # Over the seconds that a render took, which are those of a busy machine: the background beside them.
 NO_SECONDS = "( +clone -crop 300x22+400+55 +repage ) -geometry +12+55 -composite".split()
 STILLS = {  # pictures of the pages: the frames side by side, and the part of each
-    "how-to-presets": (("preset", "920x700+0+0"),), "how-to-cut": (("whole", OPEN), ("cut", OPEN)),
-}  # fmt: skip
+    "how-to-presets": (("preset", "920x700+0+0"),),
+}
 shown = []  # of each photograph: how long it is shown, in frames, its caption, and the pixel of the mouse
 mouse = []
 
@@ -78,7 +78,7 @@ def frame(times: int = 1, caption: str = "", name: str = ""):
     shown.append((times, caption or shown[-1][1], tuple(mouse)))
 
 
-def drag(button: str, begin, end, caption: str = ""):
+def drag(button: str, begin, end, caption: str, steps: int = STEPS):
     """Drag from one pixel of the window to another, a frame for each step."""
     begin, end = np.array(begin, float), np.array(end, float)
     for at in (begin - 1, begin):
@@ -87,8 +87,8 @@ def drag(button: str, begin, end, caption: str = ""):
     yield from frame(4, caption)
     point(button, "PRESS", begin)
     yield
-    for step in range(1, STEPS + 1):
-        point("MOUSEMOVE", "NOTHING", begin + (end - begin) * step / STEPS)
+    for step in range(1, steps + 1):
+        point("MOUSEMOVE", "NOTHING", begin + (end - begin) * step / steps)
         yield
         yield from settled()
         yield from frame()
@@ -153,7 +153,7 @@ def cut(volume):
         "LEFTMOUSE", pixel_of(face), pixel_of((middle_of.x - 0.006, face.y, face.z)), "Drag a side of the box"
     )
     assert box.matrix_world != before, "the handle was missed"
-    yield from frame(HOLD, name="cut")
+    yield from frame(HOLD)
     ours = volume.rle_splat
     ours.slices_follow_window, ours.slices_clear_black = False, True
     ours.slice_center, ours.slice_width = LEVEL, WINDOW
@@ -224,17 +224,18 @@ def scenario():
     yield from settled()
     yield from wait_for_rest()  # with the pictures of presets, which show the grown segment
     yield from frame(HOLD, "Shift -100 HU for thin bone")
-    yield from drag("MIDDLEMOUSE", middle(-50.0), middle(120.0), "Turn the view")
+    yield from drag("MIDDLEMOUSE", middle(-50.0), middle(120.0), "Turn the view", STEPS // 2)
     yield from frame(HOLD // 2)
-    yield from frame(1, name="whole")
     yield from cut(volume)
     studio(volume)
+    mouse.clear()
+    yield from settled()
+    yield from frame(HOLD, "Add lights, a floor and a camera")
     with in_the_view():
         assert bpy.ops.rle_splat.composite() == {"FINISHED"}
         assert bpy.ops.rle_splat.add_letters() == {"FINISHED"}
-    mouse.clear()
     yield from settled()
-    yield from frame(HOLD, "Lights, floor, camera, letters")
+    yield from frame(HOLD, "Show in Renders, letters, a scale bar")
     yield from rendered()
     yield from frame(2 * HOLD, "F12")
     save()
