@@ -281,7 +281,7 @@ def automatic_caption(draft: PageDraft) -> str:
         sentences.append(f"Transfer function {_function_words(first)}.")
     counts = " × ".join(map(str, first.volume.shape_xyz))
     sides = " × ".join(f"{side:.3g}" for side in np.round(first.volume.spacing, 6))
-    sentences.append(f"{counts} voxels of {sides} {first.volume.unit}.")
+    sentences.append(f"{counts} voxels of {sides}{NO_BREAK}{first.volume.unit}.")
     cuts = [clip.kind for clip in first.clips]
     if cuts:
         planes, boxes = cuts.count("plane"), cuts.count("box")

@@ -166,10 +166,10 @@ def midpoints_of(depth_rule: str) -> int | None:
 
 @dataclass(frozen=True)
 class Quality:
-    """Settings that trade time for accuracy. The command line and the panel use the same names.
+    """Settings that trade time for accuracy. Most programs need ``Quality.preset`` alone.
 
-    ``depth_rule``, ``sheet_density``, ``warp_filter``, ``termination`` and ``rays`` that are None take their value from
-    the preset "standard".
+    The command line has options of the same names. ``depth_rule``, ``sheet_density``, ``warp_filter``, ``termination``
+    and ``rays`` that are None take their value from the preset "standard".
 
     Single rays are limited to the 64 steepest pixels of each 16 x 16 pixels of the frame, so that a noisy picture,
     which is steep everywhere, does not trace a ray for every pixel. Frames of fewer than 512 x 512 pixels have a

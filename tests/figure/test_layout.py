@@ -212,7 +212,7 @@ def test_a_figure_of_text_and_pictures_stays_within_its_page(drawing, balls):
             left = item.x - {"start": 0.0, "middle": 0.5, "end": 1.0}[item.anchor] * width
             assert left >= 0.0 and left + width <= wide and item.size <= item.y <= tall, item
     caption = " ".join(item.text for item in page.items if isinstance(item, Text) and item.x == 1.0)
-    assert "indow" not in caption and "20 × 12 × 14 voxels of 1 × 1 × 1 mm" in caption
+    assert "indow" not in caption and "20 × 12 × 14 voxels of 1 × 1 × 1\u00a0mm" in caption
 
 
 @pytest.mark.parametrize(
