@@ -30,7 +30,7 @@ def read_transfer_functions(path) -> tuple[FileFunction, ...]:
     Returns
     -------
     tuple of FileFunction
-        At least one, their names all different.  One of the unit "relative" or "maximum" has to go
+        At least one, their names all different.  A function of the unit "relative" or "maximum" has to go
         through ``fit_function``.
 
     Raises

@@ -119,7 +119,7 @@ class GradientOpacity:
     Raises
     ------
     RleSplatError
-        If ``low`` is negative or above ``high``, or a point is none or outside [0, 1].
+        If ``low`` is negative or above ``high``, or a point is not a number or outside [0, 1].
     """
 
     low: float = 0.0

@@ -85,7 +85,7 @@ class Volume:
     Attributes
     ----------
     measured : dict
-        What of ``value_range``, ``value_counts`` and ``voxel_key`` is known by now, which each read all voxels.
+        Results that are kept: ``value_range``, ``value_counts`` and ``voxel_key``, each of which reads all voxels once.
 
     Raises
     ------
