@@ -167,7 +167,7 @@ def test_termination_comes_from_the_tolerance():
 
 @pytest.mark.parametrize("wish", (0.0, -1.0, float("nan"), float("inf"), "fine", None))
 def test_a_wish_that_is_none_is_refused(wish):
-    with pytest.raises(RleSplatError, match="levels"):
+    with pytest.raises(RleSplatError, match="8-bit steps"):
         check_tolerance(wish)
 
 
