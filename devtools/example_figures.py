@@ -32,6 +32,7 @@ SMALL, POSTER, EYE = 360, 3600, (735, 2470)  # pixels: a picture's side, a poste
 TILE, WORKERS = 90, ("#4477aa", "#ee6677", "#228833", "#ccbb44")  # pixels; a color for each
 MOST_BYTES, BLACK = 80_000, (0.0, 0.0, 0.0)
 TURN = 6  # frames of the turntable
+FIRST = ("--preset", "ct-bone", "--smoothness", "2", "--fit", "0.9")
 CLOSE = ("--azimuth", "30", "--elevation", "20", "--fit", "0.42", "--size", "400")
 STEPS = (  # of the strip, after the slices: pictures of the documentation, and the part of each
     ("tutorial-3-preset", (230, 310, 790, 730)), ("tutorial-4-cut", (60, 162, 920, 807)),
@@ -95,7 +96,7 @@ def command_lines(folder: Path) -> list[list[str]]:
          "0.95", "--size", str(SMALL), "--quality", "fine", "-o", str(folder / "turn.png")],
         *(["render", *skull, *CLOSE, "--quality", quality, "-o", str(folder / f"how-to-{quality}.png")]
           for quality in ("draft", "fine")),
-        *(["render", skull[0], "--preset", "ct-bone", *turned, "--size", "512", "-o", str(folder / f"{name}.png")]
+        *(["render", skull[0], *FIRST, *turned, "--size", "512", "-o", str(folder / f"{name}.png")]
           for name, turned in (("out", ()), ("side", ("--azimuth", "30", "--elevation", "20")))),
         ["render", *skull, *OBLIQUE, "--size", str(SMALL), "-o", str(folder / "whole.png")],
         ["render", *skull, *OBLIQUE, "--size", str(SMALL), "--level", "2", "-o", str(folder / "coarse.png")],

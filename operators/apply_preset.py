@@ -12,7 +12,7 @@ OF_MIP = "mr-mip"  # preset for the mode MIP
 
 
 class RLE_SPLAT_OT_apply_preset(AppliesTransfer, bpy.types.Operator):
-    """Replace the volume's colors and opacities by those of this preset"""
+    """Replace the volume's colors and opacities with those of this preset"""
 
     bl_idname = "rle_splat.apply_preset"
     bl_label = "Apply Preset"

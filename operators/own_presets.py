@@ -14,7 +14,7 @@ WIDTH = 300  # pixels at interface scale 1
 
 
 class RLE_SPLAT_OT_apply_own_preset(AppliesTransfer, bpy.types.Operator):
-    """Replace the volume's colors and opacities by those of this preset"""
+    """Replace the volume's colors and opacities with those of this preset"""
 
     bl_idname = "rle_splat.apply_own_preset"
     bl_label = "Apply User Preset"

@@ -102,7 +102,7 @@ class Scene:
         Poses at equal steps of time from the opening to the closing of the shutter; empty for no motion blur. The
         depth is that of the camera's and the volume's own matrices.
     clips : tuple of Clip
-        The part of the volume that every clip object keeps is shown.
+        Cutting objects; the part of the volume that all of them keep is shown.
     mode : {"composite", "xray", "mip", "minip", "average"}
         What a pixel shows of the values along its ray.
     mist : Mist or None

@@ -44,13 +44,11 @@ def turntable(
         If a number is out of range or the volume's affine is singular.
     """
     if not (np.isfinite(fit) and fit > 0.0):
-        raise RleSplatError(f"--fit must be a finite number above zero, not {fit}.")
+        raise RleSplatError(f"fit must be a finite number above zero, not {fit}.")
     if not 0.0 < fov < 180.0:
-        raise RleSplatError(f"--fov must be between 0 and 180 degrees, not {fov}.")
+        raise RleSplatError(f"fov must be between 0 and 180 degrees, not {fov}.")
     if not (np.isfinite(azimuth) and np.isfinite(elevation)):
-        raise RleSplatError(
-            f"--azimuth and --elevation must be finite numbers of degrees, not {azimuth} and {elevation}."
-        )
+        raise RleSplatError(f"azimuth and elevation must be finite numbers of degrees, not {azimuth} and {elevation}.")
     counts, spacing = np.array(volume.shape_xyz), volume.spacing
     if not (spacing > 0.0).all():
         raise RleSplatError("The volume's affine is singular: voxels have no length along one axis; correct the file.")

@@ -96,7 +96,7 @@ def check_f12_after_an_edit(path: Path):
         color.default_value = (*wanted, 1.0)
         yield  # one tick: Blender notes the edit
         yield from f12(path)
-        assert "press update world light" in bpy.context.scene.rle_splat.render_problem.lower()
+        assert "click update world light" in bpy.context.scene.rle_splat.render_problem.lower()
         yield from update_world_light()
         pixels = yield from f12(path)
         found = np.median(pixels[pixels[..., 3] > 0.95], axis=0)
