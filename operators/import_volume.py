@@ -107,7 +107,7 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
         name="Show in View", description="Move the view so that all of the volume is seen, and open the sidebar at "
         "its tab. Camera views are not changed", default=True)  # fmt: skip
     use_headlight: BoolProperty(
-        name="Add Headlight if Dark", description=("Light the first volume of a scene by a headlight if the "
+        name="Add Headlight if Dark", description=("Light the first volume of a scene with a headlight if the "
             "scene's lights leave a side of it dark. The panel Lighting "
             "changes it"),
         default=False, options={"SKIP_SAVE"})  # fmt: skip
