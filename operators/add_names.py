@@ -137,7 +137,7 @@ def _widen(edges, owner, scene, frame, ends) -> tuple[float, float]:
 
     ``ends``: the lowest and the highest x of the picture.  What is cut off there does not count.
     """
-    points = [one.matrix_world.translation for one in _letters_of(owner, scene) if one.data.body in letters.WORDS]
+    points = [one.matrix_world.translation for one in _letters_of(owner, scene) if one.data.body in letters.LETTERS]
     for one in slices.slice_objects(scene):
         if slices.volume_of(one) == owner and not one.hide_render:
             points += (one.matrix_world @ Vector(corner) for corner in one.bound_box)

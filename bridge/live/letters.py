@@ -1,7 +1,7 @@
 """Text over the viewport: the patient's sides at the faces of a volume's box, and why a volume is not shown.
 
 R and L, A and P, I and S stand where the patient's right, left, front, back, feet and head are, for volumes whose file
-says where that is.  Views of slices have these words, and a line with the place of the slice.
+says where that is.  Views of slices also have a line with the place of the slice.
 """
 
 import textwrap
@@ -20,7 +20,7 @@ from ..translations import translate
 from ..volumes import box, volumes
 from . import drawing, slice_places
 
-WORDS = {"R": "Right", "L": "Left", "A": "Front", "P": "Back", "I": "Feet", "S": "Head"}
+LETTERS = "RLAPIS"
 SIZE = 15  # points; scaled with Blender's interface
 ALONG = 0.75  # cosine with the view above which letters lie in front of the volume and behind it
 ALIKE = 0.7  # cosine in the picture above which of two axes only the one more across the view has letters
@@ -115,7 +115,7 @@ def _draw() -> None:
     if context.region_data.view_perspective == "CAMERA":  # to which the objects turn
         shown = [owner for owner in shown if not has_objects(owner)]
     for owner in (one for one in shown if one not in channels):
-        for text, place, away in _on_screen(owner, context, faced is not None):
+        for text, place, away in _on_screen(owner, context):
             width, height = blf.dimensions(FONT, text)
             left, bottom = place.x + 0.5 * (away * (width - height) - width), place.y - 0.5 * height
             left = min(max(left, 0.5 * height), context.region.width - width - 0.5 * height)
@@ -146,10 +146,10 @@ def _draw_lines(context, sentence: str) -> None:
         blf.draw(FONT, line)
 
 
-def _on_screen(owner, context, is_slice: bool) -> list:
+def _on_screen(owner, context) -> list:
     """The letters to draw: text, Vector in pixels, and -1 to 1 for how far to the left or right of the opposite side.
 
-    A volume has none if its middle is out of view, or a part of it is behind the eye.  Views of slices have words.
+    A volume has none if its middle is out of view, or a part of it is behind the eye.
     """
     corners, view = box.world_corners(owner), context.region_data
     seen = [location_3d_to_region_2d(context.region, view, Vector(corner)) for corner in corners.tolist()]
@@ -168,8 +168,7 @@ def _on_screen(owner, context, is_slice: bool) -> list:
     found, space = [], SIZE * context.preferences.system.ui_scale
     for n, across, reach in letters_beside(seen, np.array(center), axes):
         for (letter, _), toward in zip(pairs[n], (-across, across)):
-            text = translate(WORDS[letter]) if is_slice else letter
-            found.append((text, center + toward * (reach + space), toward.x))
+            found.append((letter, center + toward * (reach + space), toward.x))
     return found
 
 

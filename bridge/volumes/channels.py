@@ -27,7 +27,7 @@ class ChannelProperties(bpy.types.PropertyGroup):
         name="Volume",
         type=bpy.types.Object,
         poll=lambda row, other: can_be_added(row.id_data, other),
-        description="A volume of the same place, shown with its own transfer function",
+        description="A volume of the same region, shown with its own transfer function",
     )
     show: LiveBool(name="Show", description="Add this volume to the picture", default=True)
 

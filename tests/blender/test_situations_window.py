@@ -101,4 +101,4 @@ def test_B85_a_backdrop_that_no_view_shows(owner, capfd):
     areas = [area for area in bpy.context.screen.areas if area.type == "VIEW_3D"]
     assert areas and all(area.spaces.active.region_3d.view_perspective != "CAMERA" for area in areas)
     bpy.ops.rle_splat.set_backdrop()
-    assert "no 3d view looks through" in capfd.readouterr().out.lower()
+    assert "no 3d viewport looks through" in capfd.readouterr().out.lower()

@@ -290,7 +290,7 @@ def test_what_the_panel_says_of_the_world(ball, bridge, monkeypatch):
     scene.world = None
     assert "has none" in state(scene)
     _, background = new_world()
-    assert "once there is a light" in state(scene)
+    assert "if the scene has a light" in state(scene)
     background.inputs["Strength"].default_value = 0.0
     assert "black" in state(scene)
     image_world()

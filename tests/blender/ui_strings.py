@@ -35,7 +35,7 @@ WHOLE = (
     "The file does not say how it lies in the patient, so left and right are not known.",
     "The world has changed since its light was rendered; the volume shows the earlier light. Click Update World Light.",
     "The world's light is not rendered yet, so it is left out; click Update World Light.",
-    "rendering the world's light", "Right", "Left", "Front", "Back", "Feet", "Head",
+    "rendering the world's light",
     "Looking through the voxels", "Shading", "Splatting", "Warping", "Mixing volumes",
     "counting the values", "adding the volume",
     "The camera does not see the volume; point it at the volume, or move the volume between its clip distances.",
