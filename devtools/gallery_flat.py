@@ -75,7 +75,7 @@ def _surface(stage: Stage, label: int, coat):
     made = bpy.context.view_layer.objects.active
     made.data.materials.clear()
     made.data.materials.append(coat)
-    made.modifiers.new("Cage", "WIREFRAME").thickness = 0.7 * MM  # its uptake is seen
+    made.modifiers.new("Cage", "WIREFRAME").thickness = 0.4 * MM  # its uptake is seen
     return made
 
 
@@ -146,6 +146,8 @@ def pet(stage: Stage):
         ("R", NEAR.x - width - 22, NEAR.z + 100), ("L", NEAR.x + width + 22, NEAR.z + 100),
     ):  # fmt: skip
         letters(body, to(x, y), 36 * MM, black)
+    for body, x in (("Anterior", 0), ("Right lateral", ASIDE)):
+        letters(body, to(x, 474), 28 * MM, black)
     corners = [
         to(NECK.x + x * HALF.x, NECK.z + z * HALF.z).translation for x, z in ((-1, -1), (1, -1), (1, 1), (-1, 1))
     ]

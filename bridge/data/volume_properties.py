@@ -303,5 +303,6 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     two_sided: LiveBool(
         name="Two-Sided",
         default=True,
-        description="Light both sides of a surface, including the one that faces away from the light. Suits noisy scans",
+        description="Light both sides of a surface, including the one that faces away from the light. Suits noisy "
+        "scans",
     )

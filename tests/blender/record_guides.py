@@ -25,9 +25,11 @@ from tests.blender.window_driver import (
     area_of,
     drive,
     in_the_view,
+    new_file,
     open_panels,
     passed,
     wait_for_rest,
+    window,
 )
 
 HEAD = "620x560+140+170"
@@ -108,6 +110,28 @@ def set_up_slices():
     yield from settled()
     yield from keep("how-to-slices")
     passed("slices")
+
+
+def layout():
+    """Blender as it starts, with a scan in the view and the tab beside it."""
+    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_display")
+    yield from new_file()
+    for editor, factor, kind in (("PROPERTIES", 0.7, "OUTLINER"), ("VIEW_3D", 0.15, "DOPESHEET_EDITOR")):
+        with bpy.context.temp_override(window=window(), area=area_of(editor)):
+            bpy.ops.screen.area_split(direction="HORIZONTAL", factor=factor)
+        yield
+        parts = [one for one in window().screen.areas if one.type == editor]
+        (max if kind == "OUTLINER" else min)(parts, key=lambda one: one.y).type = kind
+        yield
+    area_of("DOPESHEET_EDITOR").ui_type = "TIMELINE"
+    with in_the_view():
+        scan = shutil.copy(DATA / HEAD_MR, Path(tempfile.mkdtemp()) / "Head.nii.gz")  # a short name
+        assert bpy.ops.rle_splat.import_volume(filepath=str(scan), at_cursor=True) == {"FINISHED"}
+        assert bpy.ops.rle_splat.apply_preset(preset="mr-head") == {"FINISHED"}
+    look_from(76.0, 30.0, 0.7)
+    yield from settled()
+    yield from keep("how-to-blender")
+    passed("layout")
 
 
 def head():
@@ -217,8 +241,8 @@ def live():
     ours.slice_center, ours.slice_width = 90.0, 160.0
     tip = middle_of + Vector((0.012, -0.0005, 0.012))  # half embedded in the coronal cut
     for name, radius, length, color in (
-        ("Lead", 0.0012, 0.11, (0.5, 0.53, 0.58)),
-        ("Contact", 0.0022, 0.012, (1.0, 0.3, 0.05)),
+        ("Lead", 0.0007, 0.11, (0.5, 0.53, 0.58)),
+        ("Contact", 0.0009, 0.012, (1.0, 0.3, 0.05)),
     ):
         with in_the_view():
             bpy.ops.mesh.primitive_cylinder_add(radius=radius, depth=length)
@@ -356,7 +380,7 @@ def scenario():
 
 
 PARTS = (
-    curve, window_tool, set_up_slices, smoothness, table, cut, surface, raw_file, live, pinned, in_time,
+    layout, curve, window_tool, set_up_slices, smoothness, table, cut, surface, raw_file, live, pinned, in_time,
     reported,
 )  # fmt: skip
 drive(scenario)

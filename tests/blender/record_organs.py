@@ -13,6 +13,7 @@ from math import radians
 from pathlib import Path
 
 import bpy
+from mathutils import Matrix, Vector
 
 from tests.blender.guide_steps import AORTA, DATA, SCANS, activate, begin, beside, keep, lamp, look_from
 from tests.blender.user_steps import middle, press, settled
@@ -31,8 +32,9 @@ from tests.blender.window_driver import (
 ORGANS = "540x610+160+140"  # of a photograph
 # The slice's place in mm and its level and window in HU.
 LEFT_OUT = ("superior_mesenteric_artery",)  # below the slice
-TEXTS = {"Aorta true lumen": "Ascending aorta, true lumen", "Aorta false lumen": "False lumen",
+TEXTS = {"Aorta true lumen": "Ascending aorta", "Aorta false lumen": "False lumen",
           "Annulus proper": "Aortic annulus"}  # names before, after  # fmt: skip
+LOWER, DESCENDING = 0.05, 0.35  # of the picture's height: the name of the true lumen below the others, and its place
 RINGS = "annulus_proper", "sinotubular_junction"  # thin ones, in a color of their own
 GROUND, VESSEL_WINDOW, VIOLET, YELLOW = -112.0, (150.0, 900.0), (0.22, 0.1, 0.42), (0.8, 0.55, 0.1)
 
@@ -45,6 +47,23 @@ def masks() -> Path:
         shutil.copyfile(path, folder / path.name.removeprefix("mask_"))
     shutil.copyfile(DATA / AORTA / "labels_true_false_lumen_uint8.nii.gz", folder / "aorta_lumens.nii.gz")
     return folder
+
+
+def name_true_lumen(frame) -> None:
+    """A further name and its line, duplicates of others: below the last one on the left, to the descending aorta."""
+    tall = frame[0].y - frame[2].y
+    text, line = (bpy.data.objects[name].copy() for name in ("Annulus proper", "Line to Annulus proper"))
+    for one in (text, line):
+        one.data = one.data.copy()
+        bpy.context.scene.collection.objects.link(one)
+    text.data.body = "True lumen"
+    text.matrix_world = (
+        Matrix.Translation(line.matrix_world.to_3x3() @ Vector((0.0, -LOWER * tall, 0.0))) @ text.matrix_world
+    )
+    begin, end = line.data.splines[0].points
+    begin.co.y -= LOWER * tall
+    end.co = bpy.data.objects["Line to Aorta false lumen"].data.splines[0].points[1].co
+    end.co.y -= DESCENDING * tall
 
 
 def tutorial_of_organs():
@@ -112,6 +131,7 @@ def tutorial_of_organs():
     bpy.data.objects.remove(bpy.data.objects["I"])  # the slice hides a part of it
     for name, text in TEXTS.items():
         bpy.data.objects[name].data.body = text
+    name_true_lumen(scene.camera.data.view_frame(scene=scene))
     view.overlay.show_overlays = False
     activate(volume)
     yield from settled()
