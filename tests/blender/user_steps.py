@@ -5,7 +5,7 @@ from importlib import import_module
 import bpy
 
 from tests.blender.real_blender import MODULE
-from tests.blender.window_driver import area_of, region_of, until, window
+from tests.blender.window_driver import area_of, drawn, is_at_rest, region_of, until, window
 
 OUR_IMPORTS = 2  # the last entries of File > Import: files, a DICOM folder
 # Pixels from the left and the upper edge of the window: File in the top bar, and on the way to Import in its menu.
@@ -29,6 +29,21 @@ def settled():
     yield
     yield from until(lambda: viewport() is not None and not viewport().is_busy)
     yield
+
+
+def refined():
+    """Until the viewport has its refined picture and the add-on nothing to do, in three turns of the window."""
+    rests = 0
+
+    def has_rested() -> bool:
+        nonlocal rests
+        shown = viewport()
+        rests = rests + 1 if shown is not None and shown.is_refined and not shown.is_busy and is_at_rest() else 0
+        return rests == 3
+
+    yield from settled()
+    yield from until(has_rested)
+    yield from drawn()
 
 
 def middle(right=0.0, up=0.0):

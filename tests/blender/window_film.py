@@ -14,7 +14,7 @@ import bpy
 import numpy as np
 from mathutils import Euler
 
-from tests.blender.user_steps import drag, middle, press, settled, simulate, viewport
+from tests.blender.user_steps import drag, middle, press, refined, settled, simulate, viewport
 from tests.blender.window_driver import (
     area_of,
     drive,
@@ -24,7 +24,6 @@ from tests.blender.window_driver import (
     passed,
     photograph,
     until,
-    wait_for_rest,
 )
 
 FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_film_"))
@@ -161,7 +160,7 @@ def slices(volume):
     next(one for one in volume.rle_splat.labels if one.label == 2).show = True
     with in_the_view():
         assert bpy.ops.rle_splat.add_slice(kind="ALL") == {"FINISHED"}
-    yield from wait_for_rest()  # with the pictures of the slices, which the photograph shows
+    yield from refined()  # with the pictures of the slices, which the photograph shows
 
 
 def f12(volume):

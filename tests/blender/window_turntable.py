@@ -13,7 +13,7 @@ import bpy
 import numpy as np
 
 from tests.blender import scenes
-from tests.blender.user_steps import settled
+from tests.blender.user_steps import refined
 from tests.blender.window_driver import (
     drive,
     in_the_view,
@@ -90,7 +90,7 @@ def scenario():
     yield from confirmed("turn", frames=6)
     yield from until(lambda: (FOLDER / "turn.mp4").exists() and not rendering())
     yield from until(lambda: settings() == before)
-    yield from settled()
+    yield from refined()
     yield from photograph("ended")
     assert bpy.data.movieclips.load(str(FOLDER / "turn.mp4")).frame_duration == 6
     assert scene.camera == camera, "the scene's own"
