@@ -116,6 +116,32 @@ def test_a_second_press_follows_the_camera_and_keeps_edited_texts(owner):
     assert others, "the letters stay"
 
 
+def test_names_stand_beyond_letters_and_slices_and_their_lines_pass_letters_by(owner):
+    look(away=0.3)
+    assert bpy.ops.rle_splat.add_letters() == {"FINISHED"}
+    assert bpy.ops.rle_splat.add_slice(kind="axial") == {"FINISHED"}
+    made = bpy.context.view_layer.objects.active
+    made.scale *= 1.3
+    bpy.context.view_layer.objects.active = owner
+    bpy.context.view_layer.update()
+    assert bpy.ops.rle_splat.add_names() == {"FINISHED"}
+    bpy.context.view_layer.update()
+    texts = [one for one in bpy.context.scene.objects if one.type == "FONT"]
+    sides = [seen(one.matrix_world.translation) for one in texts if one.data.body in "RL"]
+    ends = [seen(made.matrix_world @ Vector(corner))[0] for corner in made.bound_box]
+    named = [one for one in texts if "rle_splat_segment" in one]
+    for one in named:
+        x = seen(one.matrix_world.translation)[0]
+        assert x < min(*ends, *(side[0] for side in sides)) or x > max(*ends, *(side[0] for side in sides)), one.name
+        line = bpy.data.objects[f"Line to {one.data.body}"]
+        begin, end = (seen(line.matrix_world @ point.co.to_3d()) for point in line.data.splines[0].points)
+        for side in sides:
+            share = (side[0] - begin[0]) / (end[0] - begin[0])
+            if 0.0 < share < 0.75:
+                assert abs(begin[1] + share * (end[1] - begin[1]) - side[1]) > 0.04, (one.name, side)
+    assert len(named) == 4 and min(ends) < 0.4 < 0.6 < max(ends)
+
+
 def test_what_is_cut_away_or_out_of_the_picture_has_no_name(owner, refused):
     look()
     assert bpy.ops.rle_splat.add_clip(kind="BOX", keep="INSIDE") == {"FINISHED"}
