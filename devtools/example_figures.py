@@ -32,7 +32,7 @@ SMALL, POSTER, EYE = 360, 3600, (735, 2470)  # pixels: a picture's side, a poste
 TILE, WORKERS = 90, ("#4477aa", "#ee6677", "#228833", "#ccbb44")  # pixels; a color for each
 MOST_BYTES, BLACK = 80_000, (0.0, 0.0, 0.0)
 TURN = 6  # frames of the turntable
-FIRST = ("--preset", "ct-bone", "--smoothness", "2", "--fit", "0.9")
+FIRST = ("--preset", "ct-bone", "--smoothness", "2", "--fit", "0.9", "--quality", "fine")
 CLOSE = ("--azimuth", "30", "--elevation", "20", "--fit", "0.42", "--size", "400")
 STEPS = (  # of the strip, after the slices: pictures of the documentation, and the part of each
     ("tutorial-3-preset", (230, 310, 790, 730)), ("tutorial-4-cut", (60, 162, 920, 807)),
