@@ -117,6 +117,7 @@ def nuclei(stage: Stage):
         row.use_color, row.color = True, GOLD if row.label == DIVIDING else BLUE
     ours.active_label = next(n for n, row in enumerate(ours.labels) if row.label == BUMPY)
     bpy.ops.rle_splat.change_segment(tool="SMOOTH", length=1.5)
+    ours.smoothness = 0.6  # µm, twice what is automatic
     bpy.ops.rle_splat.add_slice(kind="axial")
     bpy.context.view_layer.objects.active = stage.volume
     ours.slices_follow_window = False
@@ -130,7 +131,7 @@ def nuclei(stage: Stage):
     stage.area("Rim", 40.0, (1.4, 1.2, 0.9), COLD)
     softbox_world(((0.02, 0.02, 0.022), (0.05, 0.055, 0.065), (0.25, 0.27, 0.3)),
                   (((1.6, -0.9, 0.8), 22.0, (2.6, 2.6, 2.8)),), 0.6)  # fmt: skip
-    stage.settings.ambient_occlusion, stage.settings.quality = 0.8, "fine"
+    stage.settings.ambient_occlusion, stage.settings.quality = 0.8, "strict"
     view_transform("Standard")
     yield RENDER
 

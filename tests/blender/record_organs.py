@@ -34,6 +34,7 @@ ORGANS = "540x610+160+140"  # of a photograph
 LEFT_OUT = ("superior_mesenteric_artery",)  # below the slice
 TEXTS = {"Aorta true lumen": "Ascending aorta", "Aorta false lumen": "False lumen",
           "Annulus proper": "Aortic annulus"}  # names before, after  # fmt: skip
+DARK = (0.012, 0.016, 0.024)  # of the world
 LOWER, DESCENDING = 0.05, 0.35  # of the picture's height: the name of the true lumen below the others, and its place
 RINGS = "annulus_proper", "sinotubular_junction"  # thin ones, in a color of their own
 GROUND, VESSEL_WINDOW, VIOLET, YELLOW = -112.0, (150.0, 900.0), (0.22, 0.1, 0.42), (0.8, 0.55, 0.1)
@@ -110,6 +111,8 @@ def tutorial_of_organs():
     yield from settled()
     yield from keep("organs-3-slice")
     open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_labels", "RLE_SPLAT_PT_slices")
+    scene.world.color = DARK
+    scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (*DARK, 1.0)
     lamp("SUN", "Sun", 3.0, (0.32, -0.5, 0.4), angle=radians(3.0))
     lamp("AREA", "Rim", 8.0, (0.4, 0.4, 0.3), size=0.25, color=(0.62, 0.78, 1.0), use_shadow=False)
     ours.lighting, scene.rle_splat.ambient_occlusion, scene.rle_splat.quality = "SCENE", 0.7, "fine"
