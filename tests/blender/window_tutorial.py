@@ -38,6 +38,7 @@ PANELS = ("display", "presets", "clip_objects", "slices", "picture", "shading") 
 SHIFT, GROW, OPAQUE = -100.0, 2.0, 0.05  # HU, mm, mm: thin walls are whole and opaque
 DULL = 0.0, 0.75  # specular and diffuse: a cut that faces the headlight is not burnt white
 LEVEL, WINDOW = 750.0, 500.0  # HU, of the slice
+DARK = (0.012, 0.016, 0.024)  # of the world, from the render on
 DOWN = 25  # turns of the wheel from the first panel to Cut, Slices and Render
 
 
@@ -155,6 +156,7 @@ def scenario():
     yield from wait_for_rest()  # with the shaders of the slice
     yield from settled()
     yield from keep("tutorial-5-slice", began)
+    scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (*DARK, 1.0)
 
     began = time.perf_counter()
     bpy.context.view_layer.objects.active = volume
