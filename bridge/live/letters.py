@@ -20,7 +20,7 @@ from ..translations import translate
 from ..volumes import box, volumes
 from . import drawing, slice_places
 
-LETTERS = "RLAPIS"
+LETTERS = frozenset("RLAPIS")
 SIZE = 15  # points; scaled with Blender's interface
 ALONG = 0.75  # cosine with the view above which letters lie in front of the volume and behind it
 ALIKE = 0.7  # cosine in the picture above which of two axes only the one more across the view has letters

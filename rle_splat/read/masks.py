@@ -33,7 +33,7 @@ def read_masks_steps(path: str | Path):
     -------
     Volume
         uint8 or uint16. The masks in the order of their names are the labels 1, 2, ...; empty ones have no name in
-        ``named_labels``. A file that names several labels in its header is a mask of each of them. Where masks overlap,
+        ``named_labels``. A file of several values that its header names is a mask of each of them. Where masks overlap,
         the last one counts, and a remark tells how many voxels overlap.
 
     Raises
@@ -54,26 +54,28 @@ def read_masks_steps(path: str | Path):
         if first is None or merged is None:
             first, merged = mask, allocate(path, mask.shape_xyz, np.uint8)
             merged[...] = 0
-        rows = _rows(file, mask, most)
-        most += len(rows)
+        own, values = {one.label: one for one in mask.named_labels if one.label != 0}, set()
+        for plane in mask.voxels:
+            values |= _values_of(plane)
+            if len(values) > 1 and not values <= own.keys():  # a scan: seen in its first plane
+                raise _no_masks(path, len(files))
+        # A file of one value is named as the file, whatever table of labels its header has.
+        named = {value: NamedLabel(0, plain_name(file)) for value in values} if len(values) == 1 else own
+        rows = {value: replace(one, label=most + number) for number, (value, one) in enumerate(named.items(), start=1)}
+        most += max(len(rows), 1)
         if most > np.iinfo(merged.dtype).max:
             merged = merged.astype(np.uint16)
         mask = yield from on_grid_steps(mask, first)
         if mask.voxels.shape != merged.shape:
             raise _no_masks(path, len(files))
         counted = set()
-        for z, values in enumerate(mask.voxels):
-            there = values != 0
-            found = np.unique(values[there])
-            if (len(rows) == 1 and len(found) > 1) or (len(rows) > 1 and not set(found.tolist()) <= rows.keys()):
-                raise _no_masks(path, len(files))
-            overlaps += int(np.count_nonzero(merged[z][there]))
-            for value in found.tolist():
-                row = rows[value] if len(rows) > 1 else rows[None]
-                merged[z][values == value] = row.label
-                counted.add(row.label)
+        for z, plane in enumerate(mask.voxels):
+            overlaps += int(np.count_nonzero(merged[z][plane != 0]))
+            for value in _values_of(plane):
+                merged[z][plane == value] = rows[value].label
+                counted.add(value)
             yield Progress(place / len(files), "merging masks")
-        labels += (row for row in rows.values() if row.label in counted)
+        labels += (row for value, row in rows.items() if value in counted)
     if first is None or merged is None or not labels:
         raise RleSplatError(f"All {len(files)} masks in {path.name} are empty; choose another folder.")
     remark = f"Masks overlap in {overlaps} voxels, which show the last of them in the order of names."
@@ -83,12 +85,11 @@ def read_masks_steps(path: str | Path):
     )  # fmt: skip
 
 
-def _rows(file: Path, mask: Volume, most: int) -> dict:
-    """Value in a file to its NamedLabel in the merged map, numbered from ``most`` + 1; None for any value of a mask."""
-    own = [one for one in mask.named_labels if one.label != 0]
-    if len(own) < 2:
-        return {None: NamedLabel(most + 1, plain_name(file))}
-    return {one.label: replace(one, label=most + number) for number, one in enumerate(own, start=1)}
+def _values_of(plane) -> set:
+    """The values of a plane but 0; the usual one of a mask is not sorted for."""
+    there = plane[plane != 0]
+    alike = there.size > 0 and (there == there[0]).all()
+    return set((there[:1] if alike else np.unique(there)).tolist())
 
 
 def _no_masks(path: Path, count: int) -> RleSplatError:

@@ -197,6 +197,17 @@ def test_a_file_of_named_labels_in_a_folder_of_masks_is_a_segment_for_each(tmp_p
         read_volume(folder)
 
 
+def test_a_mask_whose_header_has_a_whole_table_is_named_as_its_file(tmp_path):
+    folder = masks(tmp_path / "seg", {"liver": (0, 5)})
+    voxels = np.zeros(SHAPE[::-1], np.uint8)
+    voxels[..., 6:] = 1
+    table = (NamedLabel(1, "liver"), NamedLabel(2, "spleen"))
+    drain(write_steps(Volume(voxels, SCAN.affine, space=PATIENT, named_labels=table), folder / "spleen.nii.gz"))
+    volume = read_volume(folder)
+    assert [(one.label, one.name) for one in volume.named_labels] == [(1, "liver"), (2, "spleen")]
+    assert (volume.voxels[..., 6:] == 2).all()
+
+
 def test_a_folder_of_more_than_255_masks_has_numbers_of_16_bits(tmp_path):
     folder = masks(tmp_path / "seg", {f"m{number:03}": (number % 8, number % 8 + 1) for number in range(258)})
     volume = read_volume(folder)
