@@ -98,12 +98,13 @@ def check_four_up(name):
     yield from settled()
     letters = import_module(f"{MODULE}.bridge.live.letters")
     drawn, draw = [], letters.blf.draw
-    letters.blf.draw = lambda font, text: drawn.append(text) or draw(font, text)
+    letters.blf.draw = lambda font, text: drawn.append((bpy.context.region.as_pointer(), text)) or draw(font, text)
     yield from photograph("four_up")
     letters.blf.draw = draw
-    print(f"texts of the views: {sorted(set(drawn))}", flush=True)
-    assert set("RLAPSI") <= set(drawn), "letters beside slices"
-    assert {"Axial, S 12.0 mm", "Coronal, P 12.0 mm", "Sagittal, L 12.0 mm"} <= set(drawn)
+    print(f"texts of the views: {sorted({text for _, text in drawn})}", flush=True)
+    for place, sides in (("Axial, S 12.0 mm", "RLAP"), ("Coronal, P 12.0 mm", "RLSI"), ("Sagittal, L 12.0 mm", "APSI")):
+        (region,) = {region for region, text in drawn if text == place}
+        assert {text for one, text in drawn if one == region} == {place, *sides}, "no side that the view looks along"
     assert set(regions()) == set(KINDS) and len(slices()) == 3
     # None lies under the sidebar.
     area, owner = area_of("VIEW_3D"), bpy.data.objects[name]
