@@ -74,17 +74,28 @@ def _shift(group, by: float) -> None:
     group.window_center = group.preset_center + by
 
 
-def _slice_step(group) -> float:
-    """The length by which a slice moves for 1 of its own location z, in its volume's unit of length."""
+def _find_slice(group) -> tuple[float, float]:
+    """The coordinate of a slice's middle along its volume's axis, and the step of it for 1 of its own location z.
+
+    The coordinate is that of the file's space, a patient's for example, along the axis nearest to the volume's, in the
+    volume's unit of length.
+    """
     one = group.id_data
-    if one.parent is None:
-        return 1.0
-    world = one.matrix_parent_inverse.to_3x3().col[2].length
-    return world / scene_scale_of(bpy.context.scene, one.parent.rle_splat.length_unit) or 1.0
+    to_volume = one.matrix_parent_inverse
+    along = to_volume.to_3x3().col[2]
+    axis = max(range(3), key=lambda i: abs(along[i]))
+    unit = one.parent.rle_splat.length_unit if one.parent is not None else ""
+    scale = scene_scale_of(bpy.context.scene, unit) or 1.0
+    return (to_volume @ one.location)[axis] / scale, along[axis] / scale or 1.0
+
+
+def _slice_position(group) -> float:
+    return _find_slice(group)[0]
 
 
 def _move_slice(group, to: float) -> None:
-    group.id_data.location.z = to / _slice_step(group)
+    at, step = _find_slice(group)
+    group.id_data.location.z += (to - at) / step
 
 
 def _flip(group, on: bool) -> None:
@@ -195,10 +206,9 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         name="Kind of Slice", description="How the slice lay when it was added: axial, coronal or sagittal",
         options={"HIDDEN"})  # fmt: skip
     slice_position: FloatProperty(
-        name="Position", description="Distance of the slice from the middle of the scan, in mm for patients, toward "
-        "the left, back or head in most scans. The viewport names its place in the patient's own coordinates",
-        precision=1, step=100, options=set(), set=_move_slice,
-        get=lambda group: group.id_data.location.z * _slice_step(group))  # fmt: skip
+        name="Position", description="Place of the slice along the volume's axis, in the file's own coordinates, as "
+        "the viewport names it. In mm for patients, from the file's origin toward the left, back or head",
+        precision=1, step=100, options=set(), get=_slice_position, set=_move_slice)  # fmt: skip
     slices_follow_window: BoolProperty(
         name="Same as Volume", default=True, update=_unlink_slices,
         description="Let slices use the window and level of the volume's colors instead of their own")  # fmt: skip

@@ -37,7 +37,7 @@ TEXTS = {"Aorta true lumen": "Ascending aorta", "Aorta false lumen": "False lume
 DARK = (0.012, 0.016, 0.024)  # of the world
 LOWER, DESCENDING = 0.05, 0.35  # of the picture's height: the name of the true lumen below the others, and its place
 RINGS = "annulus_proper", "sinotubular_junction"  # thin ones, in a color of their own
-GROUND, VESSEL_WINDOW, VIOLET, YELLOW = -112.0, (150.0, 900.0), (0.22, 0.1, 0.42), (0.8, 0.55, 0.1)
+GROUND, VESSEL_WINDOW, VIOLET, YELLOW = 551.0, (150.0, 900.0), (0.22, 0.1, 0.42), (0.8, 0.55, 0.1)
 
 
 def masks() -> Path:

@@ -164,6 +164,13 @@ def test_the_view_of_a_slice_names_its_place_in_the_patient(nifti, bridge):
         text = bridge("live.slice_places").place_text(one, bpy.context.evaluated_depsgraph_get())
         height = middle[2] + 3.0 * layers
         assert text == f"Axial, {'S' if height > 0.0 else 'I'} {abs(height):.1f} mm"
+        assert one.rle_splat.slice_position == pytest.approx(height, abs=1e-3)
+    one.rotation_euler.x = 0.3
+    for height in (12.0, -34.0):
+        one.rle_splat.slice_position = height
+        bpy.context.view_layer.update()
+        text = bridge("live.slice_places").place_text(one, bpy.context.evaluated_depsgraph_get())
+        assert text.endswith(f"{'S' if height > 0.0 else 'I'} {abs(height):.1f} mm")
 
 
 def test_it_is_read_again_after_a_reload_and_after_it_moved(nifti, values, bridge, tmp_path):

@@ -77,15 +77,16 @@ def test_a_new_slice_shows_the_voxels_of_the_middle_layer(owner, voxels, kind):
 def test_the_position_of_a_slice_is_in_the_unit_of_the_file(owner):
     one, scene = add(owner), bpy.context.scene
     owner.scale, owner.rotation_euler = (2.0, 2.0, 2.0), (0.3, 0.0, 0.5)  # moves a scan, not where it is cut
+    middle = one.rle_splat.slice_position
     one.location.z = 0.002 * scene.rle_splat.scene_scale / 0.001
     before = one.rle_splat.slice_position
-    assert before == pytest.approx(2.0)
+    assert before - middle == pytest.approx(2.0)
     scene.rle_splat.scene_scale *= 0.25
     assert one.rle_splat.slice_position == pytest.approx(before)
-    one.rle_splat.slice_position = -1.5
+    one.rle_splat.slice_position = middle - 1.5
     bpy.context.view_layer.update()
     place = owner.matrix_world.inverted() @ one.matrix_world.translation
-    one.rle_splat.slice_position = 0.0
+    one.rle_splat.slice_position = middle
     bpy.context.view_layer.update()
     moved = (place - owner.matrix_world.inverted() @ one.matrix_world.translation).length
     assert moved / scene.rle_splat.scene_scale == pytest.approx(1.5, rel=1e-5)

@@ -143,7 +143,7 @@ def scenario():
     with in_the_view():
         assert bpy.ops.rle_splat.add_slice(kind="coronal") == {"FINISHED"}
     one = bpy.context.view_layer.objects.active
-    one.rle_splat.slice_position = -1.0  # mm, before the cut
+    one.rle_splat.slice_position -= 1.0  # mm, before the cut
     one.select_set(False)
     bpy.context.view_layer.objects.active = volume
     volume.rle_splat.slices_clear_black = True
