@@ -23,7 +23,7 @@ class RLE_SPLAT_OT_set_backdrop(StepwiseOperator, bpy.types.Operator):
     )
 
     place: EnumProperty(
-        name="Place", description="Where the camera view shows the picture",
+        name="Depth", description="Where the camera view shows the picture",
         items=[("BACK", "Behind", "Show it behind the objects"),
                ("FRONT", "In Front", "Show it in front of the objects, except where a mesh hides the volume"),
                ("SCENE", "As Set", "Use the setting in the panel")],

@@ -26,7 +26,7 @@ class PicturePanel:
         row.operator("rle_splat.set_backdrop", icon="VIEW_CAMERA")
         row.operator("rle_splat.remove_backdrop", text="", icon="X")
         row = layout.split(factor=0.4)
-        row.label(text="Place")
+        row.label(text="Depth")
         row.row().prop(settings, "backdrop_depth", expand=True)
         layout.prop(settings, "backdrop_follows")
         _draw_quality(context, layout)

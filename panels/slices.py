@@ -60,7 +60,7 @@ def _draw_window(layout, properties) -> None:
     column.prop(properties, f"{prefix}_center", text=with_unit("Level", unit), translate=False)
     column.prop(properties, f"{prefix}_width", text=with_unit("Window", unit), translate=False)
     row.menu("RLE_SPLAT_MT_slice_windows", text="", icon="DOWNARROW_HLT")
-    row.operator("rle_splat.use_window_tool", text="", icon="ARROW_LEFTRIGHT")
+    row.operator("rle_splat.use_window_tool", text="", icon="MOUSE_LMB_DRAG")
     row = layout.row(align=True)
     row.prop(properties, "slices_follow_window", icon="LINKED" if is_linked else "UNLINKED", toggle=True)
     row.prop(properties, "slices_clear_black", toggle=True)

@@ -58,7 +58,7 @@ def _draw_window(layout, properties) -> None:
     column.prop(properties, "window_center", text=with_unit("Level", unit), translate=False)
     column.prop(properties, "window_width", text=with_unit("Window", unit), translate=False)
     row.menu("RLE_SPLAT_MT_windows", text="", icon="DOWNARROW_HLT")
-    row.operator("rle_splat.use_window_tool", text="", icon="ARROW_LEFTRIGHT")
+    row.operator("rle_splat.use_window_tool", text="", icon="MOUSE_LMB_DRAG")
 
 
 def _draw_opacity(layout, properties) -> None:

@@ -239,7 +239,7 @@ class SceneSettings(bpy.types.PropertyGroup):
         name="Meshes Hide Volume", default=True,
         description="Let meshes hide the part of the volume behind them, also inside the volume")  # fmt: skip
     backdrop_depth: EnumProperty(
-        name="Place", description="Where the camera view shows the picture", update=_place_backdrop,
+        name="Depth", description="Where the camera view shows the picture", update=_place_backdrop,
         items=[("BACK", "Behind", "Show the picture behind the objects"),
                ("FRONT", "In Front", "Show the picture in front of the objects")])  # fmt: skip
     backdrop_object: PointerProperty(
