@@ -64,7 +64,8 @@ PLASTIC = TransferFunction(
 @dataclass(frozen=True)
 class Subject:
     """A scan: its file, its preset or transfer function, azimuth and elevation, the view's fit, how it is read, whether
-    its first slice is on top, so that it is turned about X, and whether what lies beside the body is left out."""
+    its first slice is on top, so that it is turned about X, whether what lies beside the body is left out, and the
+    smallest value of the largest part that alone is kept, with a margin."""
 
     file: str
     function: str | TransferFunction
@@ -73,6 +74,7 @@ class Subject:
     options: dict = field(default_factory=dict)
     turned: bool = False
     alone: bool = False
+    kept_from: float | None = None
 
 
 HEAD = dict(spacing=(1.0, 1.0, 2.0)), True
@@ -91,15 +93,15 @@ SUBJECTS = {
 # Presets on scans of three modalities.
 PRESETS = {
     "CT skull: Bone": Subject("dicom_ct_skull_phantom_512x512x140", "ct-bone", (30, 0), 0.9, *ALONE),
-    "CT heart: Angiography": Subject(HEART, "ct-angiography", (20, 5), 0.95),
+    "CT heart: Angiography": Subject(HEART, "ct-angiography", (20, 5), 0.95, kept_from=130.0),
     "CT chest: Soft Tissue": Subject(CHEST, "ct-soft-tissue", (20, 50), 1.08, *ALONE),
     "CT chest: Lung": Subject(CHEST, "ct-lung", (0, 65), 1.16, *ALONE),
     "MR T1: Head": Subject("t1_head_188x256x190_uint8.nii.gz", "mr-head", (35, 10), 1.1),
     "MR FLAIR: Brain": Subject("flair_brain_124x160x140_uint8.nrrd", "mr-brain", (35, 25), 1.0),
-    "PET: Hot": Subject("pet_seg/dicom_pet_128x128x266", "pet-hot", (0, 0), 1.06),
+    "PET: Hot": Subject("pet_seg/dicom_pet_128x128x266", "pet-hot", (0, 0), 0.85),
     "CT engine: Industrial": Subject("engine_256x256x110_uint8.raw.gz", "ct-industrial", (-30, 20), 1.0),
-    "CT lobster: Specimen": Subject("lobster_301x324x56_uint8.raw.gz", "ct-specimen", (25, 55), 1.12,
-                                    dict(spacing=(1.0, 1.0, 1.4))),
+    "CT lobster: Specimen": Subject("lobster_301x324x56_uint8.raw.gz", "ct-specimen", (25, 55), 0.98,
+                                    dict(spacing=(1.0, 1.0, 1.4)), kept_from=40.0),
 }  # fmt: skip
 CROP = 120  # pixels
 CROPS = {  # part -> subject, left, top
@@ -116,6 +118,8 @@ def read(subject: Subject) -> Volume:
         volume = read_volume(path, **subject.options)
         if subject.turned:
             volume = replace(volume, voxels=np.ascontiguousarray(volume.voxels[::-1, ::-1]))
+        if subject.kept_from is not None:
+            return _largest(volume, subject.kept_from)
         return _alone(volume, FOLDER / f"{path.name}.body.npy") if subject.alone else volume
     kept = FOLDER / "smoke.npz"
     if not kept.exists():
@@ -134,6 +138,15 @@ def _alone(volume: Volume, kept: Path) -> Volume:
         kept.parent.mkdir(parents=True, exist_ok=True)
         np.save(kept, drain(body_steps(volume)))
     return replace(volume, voxels=np.where(np.load(kept), volume.voxels, volume.voxels.min()))
+
+
+def _largest(volume: Volume, low: float) -> Volume:
+    """The largest part of the values from ``low`` on, and two voxels around it: Keep Largest, then Grow."""
+    from rle_splat.segment.masks import grow_steps, keep_largest_steps
+
+    part = drain(keep_largest_steps(volume.physical(volume.voxels) >= low))
+    part = drain(grow_steps(part, volume.spacing, 2.0 * volume.spacing.min()))
+    return replace(volume, voxels=np.where(part, volume.voxels, volume.voxels.min()))
 
 
 def scene_of(subject: Subject, size: int) -> Scene:

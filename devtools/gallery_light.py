@@ -102,6 +102,15 @@ def _without_holder() -> None:
     bpy.ops.rle_splat.change_segment(tool="GROW", length=2.0)
 
 
+def _largest_part(volume) -> None:
+    """Threshold to Segment, Keep Largest and Grow, and nothing else: heart and ribs without loose vessels."""
+    bpy.ops.rle_splat.threshold_segment(low=130.0, high=volume.rle_splat.value_high)
+    bpy.ops.rle_splat.change_segment(tool="LARGEST")
+    bpy.ops.rle_splat.change_segment(tool="GROW", length=3.0)
+    for row in volume.rle_splat.labels:
+        row.show = row.label != 0
+
+
 def _ready(stage: Stage) -> None:
     """What all pictures of this page share."""
     view_transform("Standard")
@@ -137,6 +146,8 @@ def light(stage: Stage):
         made = Stage.of(volume, stage.folder)
         if recipe.file == SKULL:
             _without_holder()
+        if recipe.file == AORTA:
+            _largest_part(volume)
         for key, value in recipe.volume.items():
             setattr(volume.rle_splat, key, value)
         made.camera(recipe.toward, recipe.lens, recipe.aim)
