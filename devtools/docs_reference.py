@@ -40,7 +40,7 @@ LONG_LIST = 12  # choices; of more, only the names are listed
 BLENDERS = {  # what Blender or an effect declares, by the name or the label in a panel
     "show_object_viewport_volume": ("Eye", "Show volumes live in this viewport."),
     "hide_viewport": ("Hide in Viewports", "Hide this object in viewports."),
-    "hide_render": ("Hide in Renders", "Leave this object out of renders, where a cutting object then does not cut."),
+    "hide_render": ("Hide in Renders", "Hide this object in renders."),
     "use_lock_interface": ("Lock Interface", "Lock Blender's window during renders. Without this, Blender may crash."),
     "On Meshes": (
         "On Meshes",

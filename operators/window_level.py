@@ -14,6 +14,8 @@ from .refusal import has_editable_transfer
 CT_WINDOWS = {
     "CT_BONE": ("Bone Window", 500.0, 2000.0),
     "CT_SOFT_TISSUE": ("Soft Tissue Window", 50.0, 400.0),
+    "CT_MEDIASTINUM": ("Mediastinum Window", 50.0, 350.0),
+    "CT_LIVER": ("Liver Window", 60.0, 160.0),
     "CT_BRAIN": ("Brain Window", 40.0, 80.0),
     "CT_LUNG": ("Lung Window", -600.0, 1500.0),
     "CT_ANGIOGRAPHY": ("Vessel Window", 300.0, 600.0),

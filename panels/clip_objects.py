@@ -38,11 +38,11 @@ class RLE_SPLAT_PT_clip_objects(Sidebar, bpy.types.Panel):
 
 
 def _draw_one(context, layout, one) -> None:
-    """A row of the list: eye, name, flip and delete."""
+    """A row of the list: switch, name, flip and delete."""
     row = layout.row(align=True)
-    eye = row.row(align=True)
-    eye.enabled = one.type == "EMPTY"  # a mesh cuts, hidden or not
-    eye.prop(one, "hide_render", text="", icon="HIDE_ON" if one.hide_render else "HIDE_OFF", emboss=False)
+    switch = row.row(align=True)
+    switch.enabled = one.type == "EMPTY"  # a mesh cuts, hidden or not
+    switch.prop(one.rle_splat, "clip_is_on", text="")
     is_active = context.view_layer.objects.active == one
     icon = "MESH_CUBE" if _is_box(one) else "MESH_PLANE"
     row.operator("rle_splat.choose_object", text=one.name, icon=icon, emboss=is_active).name = one.name

@@ -33,8 +33,8 @@ class RLE_SPLAT_WT_window(bpy.types.WorkSpaceTool):
         if owner is not None:
             unit = owner.rle_splat.value_unit
             row = layout.row(align=True)
-            row.prop(owner.rle_splat, "window_center", text=with_unit("Level", unit), translate=False)
-            row.prop(owner.rle_splat, "window_width", text=with_unit("Window", unit), translate=False)
+            row.prop(owner.rle_splat, "window_center", text=with_unit("Volume Level", unit), translate=False)
+            row.prop(owner.rle_splat, "window_width", text=with_unit("Volume Window", unit), translate=False)
         line = probe.hovered(context.area) if context.area is not None else ""
         layout.label(text=line or "Move the mouse over a volume", icon="EYEDROPPER")
 

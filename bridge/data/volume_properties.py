@@ -38,7 +38,7 @@ from .settings import scene_scale_of
 from .source_options import SourceOptions
 
 DISPLAY_ITEMS = [
-    ("composite", "Shaded", "Show the colors and opacities of the transfer function, with light"),
+    ("composite", "Volume Rendering", "Show the colors and opacities of the transfer function, with light"),
     ("mip", "MIP", "Maximum intensity projection: show the largest value along each line of sight"),
     ("minip", "MinIP", "Minimum intensity projection: show the smallest value along each line of sight"),
     ("average", "Average", "Mean intensity: show the mean value along each line of sight"),
@@ -96,6 +96,10 @@ def _slice_position(group) -> float:
 def _move_slice(group, to: float) -> None:
     at, step = _find_slice(group)
     group.id_data.location.z += (to - at) / step
+
+
+def _switch_cut(group, on: bool) -> None:
+    group.id_data.hide_render = not on
 
 
 def _flip(group, on: bool) -> None:
@@ -192,6 +196,12 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     clip_flipped: BoolProperty(
         name="Flip", description="Keep the other part of the volume", set=_flip,
         get=lambda group: group.clip_keep == "OUTSIDE")  # fmt: skip
+    clip_is_on: BoolProperty(
+        name="Cuts",
+        description="Cut with this object",
+        set=_switch_cut,
+        get=lambda group: not group.id_data.hide_render,
+    )
     clip_keep: LiveEnum(name="Keep", description="Part of the volume that this cutting object keeps", items=CLIP_ITEMS)
     clip_only_parent: LiveBool(
         name="Cut Only This Volume", default=False,
@@ -269,7 +279,7 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         name="Grays",
         default=False,
         description="Show the values as gray levels of Window and Level instead of the colors of the preset. Not used "
-        "in the mode Shaded",
+        "in the mode Volume Rendering",
     )
     use_inverted_grays: LiveBool(
         name="Inverted",
@@ -277,12 +287,12 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         description="Show high values black, as a PET is read, for a white background. Not used in the mode X-Ray",
     )
     display: EnumProperty(
-        name="Mode", description="What each pixel shows of the volume behind it. Modes other than Shaded begin with "
-        "grays and a window and level that suit them", items=DISPLAY_ITEMS, get=_mode_of,
+        name="Mode", description="What each pixel shows of the volume behind it. Modes other than Volume Rendering "
+        "begin with grays and a window and level that suit them", items=DISPLAY_ITEMS, get=_mode_of,
         set=_choose_mode)  # fmt: skip
     shaded_window: FloatVectorProperty(
-        name="Window of Shaded", description="Level, window and level of the preset, for when the mode is Shaded again",
-        size=3, options={"HIDDEN"})  # fmt: skip
+        name="Window of Volume Rendering", description="Level, window and level of the preset, for when the mode is "
+        "Volume Rendering again", size=3, options={"HIDDEN"})  # fmt: skip
     lighting: LiveEnum(name="Light Source", description="Lights that shine on the volume", items=LIGHTING_ITEMS)
     use_gradient_opacity: LiveBool(
         name="Gradient Opacity", default=False, description="Multiply the opacity by a curve over the gradient, so "
@@ -291,7 +301,7 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         name="Gradient From", default=0.0, min=0.0, soft_max=1000.0, precision=2, description="Gradient at the left "
         "end of the curve: change of the values per unit of length, such as HU per mm")  # fmt: skip
     gradient_high: LiveFloat(
-        name="To", default=100.0, min=0.0, soft_max=1000.0, precision=2,
+        name="Gradient To", default=100.0, min=0.0, soft_max=1000.0, precision=2,
         description="Gradient at the right end of the curve")  # fmt: skip
     specular: LiveFloat(
         name="Specular", default=0.2, min=0.0, soft_max=1.0, description="Brightness of the white highlights"

@@ -211,6 +211,10 @@ class StoredVolume:
 
     holds_values: ClassVar[bool] = False
 
+    def __repr__(self) -> str:
+        voxels, axes = " x ".join(map(str, self.shape_xyz)), ", ".join("xyz"[axis] for axis in self.principal_axes)
+        return f"<StoredVolume {self.source!r}, {voxels}, {self.classification}-classified, along {axes}>"
+
     @classmethod
     def of(
         cls, axes: dict, affine, unit: str = "mm", unit_length: float = 1.0, transfer_function=None, lighting=None,

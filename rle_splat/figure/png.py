@@ -5,6 +5,7 @@ import zlib
 
 import numpy as np
 
+from ..scene import as_color
 from ..scene.display import to_bytes
 from .page import MM_PER_INCH
 
@@ -34,7 +35,7 @@ def png_bytes(rgba: np.ndarray, dpi: float = 300.0, background=None) -> bytes:
     bytes
         Without times or names, so that equal pictures have equal files.
     """
-    pixels = to_bytes(rgba, background)
+    pixels = to_bytes(rgba, background if background is None else as_color(background, "The background"))
     height, width, channels = pixels.shape
     per_meter = round(dpi / MM_PER_INCH * MM_PER_METER)
     return b"".join((

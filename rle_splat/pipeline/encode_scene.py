@@ -3,7 +3,7 @@
 from ..effects.analyze import analyze_effects
 from ..encode.stored import StoredVolume
 from ..runtime.steps import Clock, announce, drain
-from ..scene import Quality, Scene
+from ..scene import Quality, Scene, as_quality
 from ..scene.plain import plain
 from ..view.projection import depth_row
 from ..volume.axes import AXES, AXIS_NAMES
@@ -31,12 +31,12 @@ def encode_scene(scene: Scene, quality: Quality | None = None, axes=tuple(AXES),
     StoredVolume
         Can be saved, and rendered as a volume.
     """
-    return drain(encode_scene_steps(scene, quality or Quality(classification="pre"), axes, source))[0]
+    return drain(encode_scene_steps(scene, quality, axes, source))[0]
 
 
-def encode_scene_steps(scene: Scene, quality: Quality, axes=tuple(AXES), source: str = ""):
+def encode_scene_steps(scene: Scene, quality: Quality | None = None, axes=tuple(AXES), source: str = ""):
     """Generator form of ``encode``: yields Progress, returns (StoredVolume, report)."""
-    quality = quality.classified("pre")
+    quality = as_quality(quality).classified("pre")
     scene = analyze_effects(scene, quality)[1]
     clock = Clock()
     scan, work = make_scan_source(scene, quality), Work(StageCache(0).job(), clock, len(axes))

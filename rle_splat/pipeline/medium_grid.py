@@ -46,7 +46,7 @@ def for_any_view(scene: Scene) -> Scene:
     is_shadowed = scene.volume_shadows or scene.ambient_occlusion > 0.0
     return replace(
         scene, transfer_function=function, camera=scene.camera if scene.headlight else FROM_ANYWHERE, width=1, height=1,
-        background=None, ray_ends=None, triangles=scene.triangles if is_shadowed else None, crop=None, effects=effects,
+        ray_ends=None, triangles=scene.triangles if is_shadowed else None, crop=None, effects=effects,
         motion=(), mode=MODES[0], mist=None, reasons_off={},
     )  # fmt: skip
 

@@ -39,7 +39,7 @@ from dataclasses import replace
 from ..effects.exposure import exposure_steps, list_exposures
 from ..effects.mixing import add_light_steps, split_light
 from ..runtime.steps import Clock, Progress, announce, drain
-from ..scene import Quality, Rendering, Scene
+from ..scene import Quality, Rendering, Scene, as_quality
 from ..volume.volume import key_steps
 from ..warp.warp import warp_steps
 from .choose_source import choose_source
@@ -79,17 +79,20 @@ def render(scene: Scene, quality: Quality | None = None, progress=None, cache: S
     RleSplatError
         With one sentence, where the scene cannot be rendered.
     """
-    steps = render_steps(scene, quality or Quality(), cache)
+    steps = render_steps(scene, quality, cache)
     return drain(steps, progress)
 
 
-def render_steps(scene: Scene, quality: Quality, cache: StageCache | None = None, *, refuse_empty_view: bool = True):
+def render_steps(
+    scene: Scene, quality: Quality | None = None, cache: StageCache | None = None, *, refuse_empty_view: bool = True
+):
     """Generator form of ``render``: yields Progress, returns the Rendering; closing it cancels the work.
 
     ``refuse_empty_view``: raise when the camera sees nothing of the volume; else the picture is transparent, as an
     animation needs it.  Raises RleSplatError, caused by the MemoryError, when memory runs out half-way; nothing
     half-made stays in ``cache``.
     """
+    quality = as_quality(quality)
     clock = Clock()
     steps = add_light_steps(
         scene, split_light(scene), lambda one: _average_steps(one, quality, cache, refuse_empty_view, clock)

@@ -29,7 +29,7 @@ LEAST_SLABS = 4
 # Fields of a scene that single rays take into account; every other field must have its default.
 KNOWN = {
     "volume", "transfer_function", "camera", "width", "height", "volume_matrix", "scene_scale", "lights", "headlight",
-    "background", "crop", "effects", "volume_shadows", "world", "environment", "ambient_occlusion", "indirect_light",
+    "crop", "effects", "volume_shadows", "world", "environment", "ambient_occlusion", "indirect_light",
     "channels", "labels", "reasons_off",
 }  # fmt: skip
 

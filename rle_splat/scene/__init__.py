@@ -35,6 +35,7 @@ from .quality import (
     SCALAR_DEPTH_RULES,
     WARP_FILTERS,
     Quality,
+    as_quality,
     midpoints_of,
     not_in_post,
     preintegrated_of,

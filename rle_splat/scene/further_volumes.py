@@ -70,6 +70,8 @@ class Labels:
     smooth: bool = True
 
     def __post_init__(self):
+        if not hasattr(self.volume, "voxels"):
+            raise RleSplatError(f"Labels need a Volume of whole numbers, not a {type(self.volume).__name__}.")
         if self.volume.voxels.dtype.kind not in "iu":
             raise RleSplatError(
                 f"Labels must be whole numbers, not {self.volume.voxels.dtype.name}; give a volume of integers."

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import warnings
 from dataclasses import InitVar, dataclass, replace
+from reprlib import repr as short
 
 import numpy as np
 
@@ -351,3 +352,10 @@ class Quality:
             classification="pre", depth_rule="slice", sheet_density=0.0, warp_filter="bilinear", model="opacity",
             length_correction=False, axis_fade=0.0, name="paper", **overrides,
         )  # fmt: skip
+
+
+def as_quality(quality: Quality | None) -> Quality:
+    """Check a quality; None is "standard"."""
+    if not (quality is None or isinstance(quality, Quality)):
+        raise RleSplatError(f'The quality must be a Quality, such as Quality.preset("fine"), not {short(quality)}.')
+    return quality or Quality()

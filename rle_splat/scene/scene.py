@@ -81,8 +81,6 @@ class Scene:
     lights : tuple of Light
     headlight : bool
         Whether a white parallel light shines along the camera's axis. Without any light, colors are not shaded.
-    background : (3,) tuple of float or None
-        Scene-linear RGB.
     triangles : (n, 3, 3) ndarray of float64 or None
         Triangles of the meshes in or around the volume, in world coordinates. A ray ends at the first triangle.
     ray_ends : (height, width) ndarray of float32 or None
@@ -140,7 +138,6 @@ class Scene:
     scene_scale: float = 1.0
     lights: tuple = ()
     headlight: bool = True
-    background: tuple | None = None
     triangles: np.ndarray | None = None
     ray_ends: np.ndarray | None = None
     panes: np.ndarray | None = None
@@ -229,6 +226,9 @@ class Scene:
                 f"The {what} lies elsewhere in the patient than the volume; bring it onto the volume's grid with "
                 "volume.regrid.on_grid_steps."
             )
+
+    def __repr__(self) -> str:
+        return f"<Scene of {self.volume!r}, {self.width} x {self.height} pixels>"
 
     @property
     def shines(self) -> bool:

@@ -117,6 +117,10 @@ class Volume:
     holds_values: ClassVar[bool] = True  # values, not voxels that are classified already
 
     def __post_init__(self):
+        if not isinstance(self.voxels, np.ndarray):
+            raise RleSplatError(
+                f"Voxels must be a numpy array, not a {type(self.voxels).__name__}; convert them by numpy.asarray."
+            )
         if self.voxels.ndim != 3 or 0 in self.voxels.shape:
             raise RleSplatError(
                 f"A volume must have three dimensions of at least one voxel each, not {tuple(self.voxels.shape)}."

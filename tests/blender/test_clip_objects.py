@@ -58,8 +58,8 @@ def test_a_fitted_box_cuts_nothing_until_it_is_moved(settings):
     assert reason(settings) == {**reason(settings), "on": True, "reason": "1 box cuts the volume"}
     box.rle_splat.clip_keep = "OUTSIDE"
     assert depth_at(4, 4) == pytest.approx(3, abs=0.05)
-    box.hide_render = True
-    assert depth_at(4, 4) == pytest.approx(N - 1, abs=0.05)
+    box.rle_splat.clip_is_on = False
+    assert box.hide_render and depth_at(4, 4) == pytest.approx(N - 1, abs=0.05)
 
 
 def test_an_arrow_points_at_what_is_cut_away(settings):

@@ -16,7 +16,7 @@ from ...pipeline.plan_model import default_classification
 from ...pipeline.shadows import SHADOW_EFFECTS, shadow_count, without_shadows
 from ...pipeline.stage_cache import StageCache
 from ...runtime.steps import Clock, Progress, drain, forward
-from ...scene import Quality, Rendering, Scene, truth_of
+from ...scene import Quality, Rendering, Scene, as_quality, truth_of
 from ...view.eye import index_view
 from ..probes import PROBES
 from .candidates import KEPT_KNOBS, candidate, check_tolerance, name_of
@@ -81,13 +81,12 @@ def render_within(
     RleSplatError
         For a tolerance that is no number above zero, and for scenes and qualities that have no reference.
     """
-    quality = quality or Quality(classification=default_classification())
     knobs = dict(probes=probes, seed=seed, leave_out_shadows=leave_out_shadows)
     return drain(tolerance_steps(scene, tolerance, quality, cache, **knobs), progress)
 
 
 def tolerance_steps(
-    scene: Scene, tolerance: float, quality: Quality, cache: StageCache | None = None, *,
+    scene: Scene, tolerance: float, quality: Quality | None = None, cache: StageCache | None = None, *,
     refuse_empty_view: bool = True, probes: int = PROBES, seed: int = 0, leave_out_shadows: bool = False,
     earlier: dict | None = None,
 ):  # fmt: skip
@@ -96,6 +95,7 @@ def tolerance_steps(
     ``earlier``: the ``plan`` of the report of the frame before, in an animation.  It is used as long as it is expected
     to meet the tolerance, so plans change from frame to frame only to finer ones.
     """
+    quality = as_quality(quality or Quality(classification=default_classification()))
     return forward(_tolerance_steps(
         scene, tolerance, quality, StageCache() if cache is None else cache, refuse_empty_view, probes, seed,
         leave_out_shadows, earlier,

@@ -1,0 +1,33 @@
+"""Plain data: it prints as one short line, without its arrays, and refuses values of another type."""
+
+import numpy as np
+import pytest
+
+from rle_splat import Camera, Labels, Rendering, RleSplatError, Scene, Volume, encode, png_bytes, preset, render
+
+
+def test_volumes_scenes_and_pictures_print_as_one_line():
+    voxels, affine = np.full((3, 4, 5), 1000, np.int16), np.diag((0.5, 0.5, 1.25, 1.0))
+    ct = Volume(voxels, affine, value_unit="HU", modality="CT", name="a")
+    assert repr(ct) == "<Volume CT 'a', 5 x 4 x 3 int16, 0.5 x 0.5 x 1.25 mm, HU>"
+    assert repr(Volume(voxels, np.eye(4))) == "<Volume '', 5 x 4 x 3 int16, 1 x 1 x 1 mm>"
+    scene = Scene(ct, preset("ct-bone"), Camera())
+    assert repr(scene) == f"<Scene of {ct!r}, 512 x 512 pixels>"
+    assert repr(encode(scene, axes=(2,))) == "<StoredVolume '', 5 x 4 x 3, pre-classified, along z>"
+    assert repr(Rendering(np.zeros((3, 4, 4)), np.zeros((3, 4)), {})) == "<Rendering of 4 x 3 pixels>"
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: Volume([[[1]]], np.eye(4)), "not a list"),
+        (lambda: Labels(np.zeros((2, 2, 2), int)), "not a ndarray"),
+        (lambda: render(None, "fine"), "not 'fine'"),
+        (lambda: png_bytes(np.zeros((2, 2, 4)), background="white"), "three finite numbers"),
+    ],
+    ids=["voxels", "labels", "quality", "background"],
+)
+def test_a_value_of_another_type_gets_one_sentence(make, words):
+    with pytest.raises(RleSplatError, match=words) as raised:
+        make()
+    assert str(raised.value).count(". ") == 0
