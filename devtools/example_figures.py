@@ -25,6 +25,7 @@ from .places import OUT, ROOT
 
 FOLDER = OUT / "figures"
 SKULL = "dicom_ct_skull_phantom_512x512x140"
+BRAIN = "flair_brain_124x160x140_uint8.nrrd"
 HEART = "cta_aorta_labels/cta_heart_aorta_120x126x164_int16.nii.gz"
 VIEWS = ((0, 0), (90, 0), (180, 0))  # azimuth and elevation
 OBLIQUE = ("--azimuth", "30", "--elevation", "15", "--fit", "0.95")
@@ -145,8 +146,8 @@ def picture_and_depth(folder: Path) -> None:
 
 
 def example_of_the_readme(folder: Path) -> None:
-    """readme-python.jpg: what the Python code of the README makes of a heart."""
-    scan = data_folder() / HEART
+    """readme-python.jpg: what the Python code of the README makes of a brain."""
+    scan = data_folder() / BRAIN
     if not scan.is_file():
         return
     (code,) = re.findall(r"^```python\n(.*?)^```", (ROOT / "README.md").read_text(encoding="utf-8"), re.M | re.S)
