@@ -30,9 +30,10 @@ HEART = "cta_aorta_labels/cta_heart_aorta_120x126x164_int16.nii.gz"
 VIEWS = ((0, 0), (90, 0), (180, 0))  # azimuth and elevation
 OBLIQUE = ("--azimuth", "30", "--elevation", "15", "--fit", "0.95")
 SMALL, POSTER, EYE = 360, 3600, (735, 2470)  # pixels: a picture's side, a poster's, and where a part of it begins
+PYTHON = 480  # pixels: a side of the pictures of the page on Python
 TILE, WORKERS = 90, ("#4477aa", "#ee6677", "#228833", "#ccbb44")  # pixels; a color for each
-MOST_BYTES, BLACK = 80_000, (0.0, 0.0, 0.0)
-TURN = 6  # frames of the turntable
+MOST_BYTES, BLACK, GRAY = 80_000, (0.0, 0.0, 0.0), "#303030"
+TURN, TENTHS = 24, 1  # frames of the turntable, and how long each is shown
 FIRST = ("--preset", "ct-bone", "--smoothness", "2", "--fit", "0.9", "--quality", "fine")
 CLOSE = ("--azimuth", "30", "--elevation", "20", "--fit", "0.42", "--size", "400")
 STEPS = (  # of the strip, after the slices: pictures of the documentation, and the part of each
@@ -90,7 +91,7 @@ def command_lines(folder: Path) -> list[list[str]]:
     skull, views = skull_words(folder), [word for view in VIEWS for word in ("--view", *map(str, view))]
     heart = data_folder() / HEART
     turned = heart if heart.is_file() else skull[0]
-    page = ["figure", *skull, "--columns", "3", "--fit", "1.06", "--quality", "fine"]
+    page = ["figure", *skull, "--columns", "3", "--fit", "1", "--quality", "fine"]
     return [
         [*page, *views, "-o", str(folder / "figure-skull.svg"), "-o", str(folder / "figure-skull.png")],
         ["render", str(turned), "--frames", "1", str(TURN), "--turn", str(360 // TURN), "--elevation", "10", "--fit",
@@ -108,7 +109,7 @@ def command_lines(folder: Path) -> list[list[str]]:
 
 def beside(folder: Path, name: str, *pictures: Image.Image) -> None:
     """Pictures in a row on dark gray, as one JPEG."""
-    row = Image.new("RGB", (sum(one.width + 4 for one in pictures) - 4, pictures[0].height), "#303030")
+    row = Image.new("RGB", (sum(one.width + 4 for one in pictures) - 4, pictures[0].height), GRAY)
     left = 0
     for one in pictures:
         row.paste(one, (left, 0), one)
@@ -126,7 +127,7 @@ def picture_and_depth(folder: Path) -> None:
     file = folder / "boxes.json"
     clips = rs.Clip.list_from_json(file) if file.is_file() else ()
     function = rs.TransferFunction.from_json(folder / "bone.json")
-    scene = rs.Scene(volume, function, camera, width=SMALL, height=SMALL, volume_matrix=matrix, clips=clips)
+    scene = rs.Scene(volume, function, camera, width=PYTHON, height=PYTHON, volume_matrix=matrix, clips=clips)
     made = rs.render(scene, rs.Quality.preset("fine"))
     seen = made.rgba[..., 3] > 0.5
     near, far = np.quantile(made.depth[seen], (0.01, 0.99))
@@ -136,9 +137,9 @@ def picture_and_depth(folder: Path) -> None:
         type="PERSP", matrix_world=rs.look_at(center + (150.0, -400.0, 120.0), center), lens=80.0, clip_start=1.0,
         clip_end=2000.0,
     )  # fmt: skip
-    sun = rs.Light(type="SUN", energy=3.0, matrix_world=rs.look_at(center + (-0.4, -1.0, 0.6), center))
+    sun = rs.Light(type="SUN", energy=1.5, matrix_world=rs.look_at(center + (-0.4, -1.0, 0.6), center))
     cut = rs.Clip(kind="plane", matrix_world=rs.look_at(center + (0.0, -1.0, 0.0), center))
-    lit = replace(scene, camera=own, lights=(sun,), headlight=False, volume_shadows=True, clips=(*clips, cut))
+    lit = replace(scene, camera=own, lights=(sun,), volume_shadows=True, clips=(*clips, cut))
     pictures = [rs.png_bytes(rs.render(one, rs.Quality.preset("fine")).rgba, background=BLACK) for one in (scene, lit)]
     shown, opened = (Image.open(BytesIO(one)).convert("RGBA") for one in pictures)
     depth = Image.fromarray(np.uint8(np.rint(255.0 * gray)), "L").convert("RGBA")
@@ -159,7 +160,9 @@ def example_of_the_readme(folder: Path) -> None:
 def from_parts(folder: Path) -> None:
     """The pictures that are put together from others."""
     frames = [Image.open(folder / f"turn_{number:04}.png").convert("RGBA") for number in range(1, TURN + 1)]
-    beside(folder, "how-to-turn", *(one.resize((SMALL // 2, SMALL // 2), Image.Resampling.LANCZOS) for one in frames))
+    frames = [Image.alpha_composite(Image.new("RGBA", one.size, GRAY), one).convert("RGB") for one in frames]
+    frames[0].save(folder / "how-to-turn.webp", save_all=True, append_images=frames[1:], duration=100 * TENTHS, loop=0,
+                   quality=60, method=6)  # fmt: skip
     whole, coarse, part = (Image.open(folder / f"{name}.png").convert("RGBA") for name in ("whole", "coarse", "part"))
     beside(folder, "how-to-coarse", coarse, whole)
     beside(folder, "first-picture", *(Image.open(folder / f"{name}.png").convert("RGBA") for name in ("out", "side")))

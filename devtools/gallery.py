@@ -18,15 +18,17 @@ SCRIPTS = ("demo_scene.py", "phantom.py", *(f"gallery_{part}.py" for part in PAR
 
 @dataclass(frozen=True)
 class Shot:
-    """One picture of the gallery: what the page says of it, its pixels, and the samples of Cycles."""
+    """One picture of the gallery: what the page says of it, its pixels, the samples of Cycles, and how many times as
+    wide it is rendered, for smooth edges."""
 
     title: str
     size: tuple[int, int]
     samples: int = 6
+    finer: int = 1
 
 
 SHOTS = {
-    "skull": Shot("a skull of plastic, cut open, with a titanium plate", (1600, 1200), 4),
+    "skull": Shot("a skull of plastic, cut open, with a titanium plate", (1600, 1200), 3, finer=2),
     "aorta": Shot("a dissected aorta with the names of its segments, on a slice of the same CT", (1400, 1050), 12),
     "nuclei": Shot("nuclei above a slice of their own confocal stack, one in mitosis", (1400, 1050), 12),
     "cortex": Shot("two channels of fluorescence in mouse cortex", (1200, 1150), 12),
@@ -60,11 +62,11 @@ def _make(name: str, version: str, percent: float) -> None:
     for script in SCRIPTS:  # what makes the .blend, beside it
         shutil.copyfile(ROOT / "devtools" / script, folder / script)
     say(f"{shot.title} ...")
-    size = [max(round(0.01 * percent * pixels), 1) for pixels in shot.size]
+    size = [max(round(0.01 * percent * pixels), 1) * shot.finer for pixels in shot.size]
     run_job(version, "gallery_scene.py", folder, scene=name, size=size, samples=shot.samples)
     picture = FOLDER / f"{name}.jpg"
     run(
-        [ensure(CORE), "-m", "devtools.gallery_pictures", folder, picture],
+        [ensure(CORE), "-m", "devtools.gallery_pictures", folder, picture, str(shot.finer)],
         f"{picture.name} could not be put together.", cwd=ROOT, env=clean_environ(),
     )  # fmt: skip
     say(f"  {picture}  {time.monotonic() - began:.0f} s")

@@ -2,9 +2,9 @@
 
     python3 dev.py blender --photograph tests/blender/record_guides.py --size 1280x800
 
-writes how-to-*.jpg into build/window-shots/record_guides.  In tests/blender/data are: ``scan``, the
-DICOM series of the gallery's skull; ``cta_aorta_labels``, the dissected aorta with its segments; and the files of RAW,
-FOOT and HEAD_MR.
+writes how-to-*.jpg into build/window-shots/record_guides.  In tests/blender/data are: ``scan`` and CHEST, the DICOM
+series of the gallery's skull and of a chest; ``cta_aorta_labels``, the dissected aorta with its segments; and the files
+of RAW, FOOT and HEAD_MR.
 how-to-preferences.jpg is a part of preferences.png of window_panels.py, without paths.
 """
 
@@ -36,6 +36,7 @@ HEAD = "620x560+140+170"
 BEATING, PANEL, REPORT = "280x330+380+230", "260x330+990+448", "975x695+280+82"
 RAW = "cthead_256x256x113_uint16be.raw.gz"
 HEART, BRAIN = f"{AORTA}/cta_heart_aorta_120x126x164_int16.nii.gz", "flair_brain_124x160x140_uint8.nrrd"
+CHEST = "dicom_ct_chest_cta_512x512x95"
 FOOT, HEAD_MR = "foot_256x256x256_uint8_fromjpeg.raw.gz", "t1_head_188x256x190_uint8.nii.gz"
 PANELS = ("transfer", "slices", "shading")  # that are open
 
@@ -91,6 +92,42 @@ def window_tool():
     yield from settled()
     yield from keep("how-to-window")
     passed("window")
+
+
+def presets():
+    """The grid of presets, with pictures of a chest."""
+    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_display", "RLE_SPLAT_PT_presets")
+    volume = yield from imported("ct-angiography", CHEST)
+    volume.name = "Chest"
+    bare()
+    look_from(50.0, 15.0, 0.62)
+    with in_the_view():
+        assert bpy.ops.rle_splat.remove_table() == {"FINISHED"}
+    activate(volume)
+    yield from settled()
+    yield from scroll_sidebar(10)
+    yield from wait_for_rest()  # with the pictures of presets
+    yield from keep("how-to-presets")
+    passed("presets")
+
+
+def kept():
+    """A click on a heart keeps it and what is connected to it."""
+    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_labels")
+    volume = yield from imported("ct-angiography", HEART)
+    bare()
+    activate(volume)
+    look_from(84.0, 20.0, 0.5)
+    yield from settled()
+    yield from keep("all", HEAD)
+    with in_the_view():
+        assert bpy.ops.rle_splat.pick_connected("INVOKE_DEFAULT") == {"RUNNING_MODAL"}
+    yield from press("LEFTMOUSE", middle())
+    yield from settled()
+    assert any(row.label_name == "Kept" for row in volume.rle_splat.labels)
+    yield from keep("kept", HEAD)
+    beside("how-to-keep", "all", "kept")
+    passed("kept")
 
 
 def set_up_slices():
@@ -218,7 +255,7 @@ def live():
     bare()
     volume.rle_splat.smoothness, bpy.context.scene.rle_splat.quality = 2.0, "fine"
     view = area_of("VIEW_3D").spaces.active
-    view.lens, view.overlay.show_extras = 85.0, False  # without the box
+    view.lens, view.overlay.show_overlays = 85.0, False  # without the box
     look_from(68.0, 40.0, 0.68)
     corners = import_module(f"{MODULE}.bridge.volumes.box").world_corners(volume)
     middle_of, half = Vector(corners.mean(axis=0)), Vector(np.ptp(corners, axis=0)) / 2
@@ -380,7 +417,7 @@ def scenario():
 
 
 PARTS = (
-    layout, curve, window_tool, set_up_slices, smoothness, table, cut, surface, raw_file, live, pinned, in_time,
-    reported,
+    layout, curve, window_tool, set_up_slices, presets, kept, smoothness, table, cut, surface, raw_file, live, pinned,
+    in_time, reported,
 )  # fmt: skip
 drive(scenario)

@@ -36,6 +36,7 @@ TEXTS = {"Aorta true lumen": "Ascending aorta", "Aorta false lumen": "False lume
           "Annulus proper": "Aortic annulus"}  # names before, after  # fmt: skip
 DARK = (0.012, 0.016, 0.024)  # of the world
 LOWER, DESCENDING = 0.05, 0.35  # of the picture's height: the name of the true lumen below the others, and its place
+NEAR_AORTA = 0.503, 0.83  # of the picture: the left subclavian artery where it leaves the aorta
 RINGS = "annulus_proper", "sinotubular_junction"  # thin ones, in a color of their own
 GROUND, VESSEL_WINDOW, VIOLET, YELLOW = 551.0, (150.0, 900.0), (0.22, 0.1, 0.42), (0.8, 0.55, 0.1)
 
@@ -65,6 +66,16 @@ def name_true_lumen(frame) -> None:
     begin.co.y -= LOWER * tall
     end.co = bpy.data.objects["Line to Aorta false lumen"].data.splines[0].points[1].co
     end.co.y -= DESCENDING * tall
+
+
+def fork(frame) -> None:
+    """A further line to the left subclavian artery, a duplicate of its line: to the part that leaves the aorta."""
+    line = bpy.data.objects["Line to Left subclavian artery"].copy()
+    line.data = line.data.copy()
+    bpy.context.scene.collection.objects.link(line)
+    low, high = frame[2], frame[0]
+    across, up = ((1.0 - share) * low[axis] + share * high[axis] for axis, share in enumerate(NEAR_AORTA))
+    line.data.splines[0].points[1].co = (across, up, 0.0, 1.0)
 
 
 def tutorial_of_organs():
@@ -135,6 +146,7 @@ def tutorial_of_organs():
     for name, text in TEXTS.items():
         bpy.data.objects[name].data.body = text
     name_true_lumen(scene.camera.data.view_frame(scene=scene))
+    fork(scene.camera.data.view_frame(scene=scene))
     view.overlay.show_overlays = False
     activate(volume)
     yield from settled()

@@ -2,7 +2,7 @@
 
     python3 dev.py blender --photograph tests/blender/record_readme.py --size 920x700
 
-writes recording.webp, and pictures of the how-to guides, into build/window-shots/record_readme.  The scan is that of
+writes recording.webp into build/window-shots/record_readme.  The scan is that of
 tests/blender/data/scan, files named *.dcm, if there is such a folder, else the practice CT.  An arrow is drawn where
 the simulated mouse is.  Every frame shows a refined picture: what was waited for is cut out.
 """
@@ -56,9 +56,6 @@ RIGHT = 320  # of the dialogs, which the captions leave free, in pixels
 OPEN = "480x500+90+150"  # of a frame
 # Over the seconds that a render took, which are those of a busy machine: the background beside them.
 NO_SECONDS = "( +clone -crop 300x22+400+55 +repage ) -geometry +12+55 -composite".split()
-STILLS = {  # pictures of the pages: the frames side by side, and the part of each
-    "how-to-presets": (("preset", "920x700+0+0"),),
-}
 shown = []  # of each photograph: how long it is shown, in frames, its caption, and the pixel of the mouse
 mouse = []
 
@@ -69,12 +66,9 @@ def point(kind: str, value: str, at) -> None:
     mouse[:] = at
 
 
-def frame(times: int = 1, caption: str = "", name: str = ""):
-    """Keep what the window shows.  Without a ``caption`` the one before stays.  ``name``: in STILLS."""
+def frame(times: int = 1, caption: str = ""):
+    """Keep what the window shows.  Without a ``caption`` the one before stays."""
     yield from photograph(f"frame-{len(shown):03}")
-    if name:
-        folder = Path(os.environ[SHOTS])
-        shutil.copyfile(folder / f"frame-{len(shown):03}.png", folder / f"{name}.png")
     shown.append((times, caption or shown[-1][1], tuple(mouse)))
 
 
@@ -215,7 +209,7 @@ def scenario():
     yield from click("bpy.ops.rle_splat.apply_preset", "ct-muscle", "Click a preset")
     yield from frame(HOLD)
     yield from click("bpy.ops.rle_splat.apply_preset", "ct-soft-tissue", "Click a preset", COLUMN)
-    yield from frame(HOLD, name="preset")
+    yield from frame(HOLD)
     assert volume.rle_splat.transfer_name == "CT Bone"
     with in_the_view():
         assert bpy.ops.rle_splat.change_segment(tool="GROW", length=GROW) == {"FINISHED"}
@@ -243,7 +237,7 @@ def scenario():
 
 
 def save() -> None:
-    """Put the photographs together as an animation, and some as pictures of the guides."""
+    """Put the photographs together as an animation."""
     folder = Path(os.environ[SHOTS])
     pictures = []
     for number, (times, caption, at) in enumerate(shown):
@@ -257,11 +251,6 @@ def save() -> None:
         pictures += ["-delay", str(CENTISECONDS * times), str(path)]
     subprocess.run(["convert", "-loop", "0", *pictures, "-quality", str(QUALITY), "-define", "webp:method=6",
                     str(folder / "recording.webp")], check=True)  # fmt: skip
-    for name, parts in STILLS.items():
-        words = []
-        for still, part in parts:
-            words += ["(", str(folder / f"{still}.png"), "-crop", part, "+repage", ")"]
-        subprocess.run(["convert", *words, "+append", "-quality", "82", str(folder / f"{name}.jpg")], check=True)
 
 
 drive(scenario)
