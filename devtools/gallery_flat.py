@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import bpy
 import gallery_data
-from demo_scene import named, rod
+from demo_scene import box_of, named, rod
 from gallery_studio import RENDER, Stage, emission, flat_world, letters, scale_bar, view_transform
 from mathutils import Matrix, Vector
 
@@ -17,8 +17,8 @@ UPRIGHT = Matrix.Rotation(1.5707963, 4, "X")  # texts that are read from the fro
 BLACK = (0.0, 0.0, 0.0)
 # Of the cortex, for each channel: level, window, opacity unit distance in µm, name, and the color of the name.
 CHANNELS = (
-    (1400.0, 1600.0, 14.0, "Labeled cells", (0.0, 1.0, 0.0)),
-    (500.0, 700.0, 110.0, "Background", (1.0, 0.1, 1.0)),
+    (1900.0, 2000.0, 10.0, "Labeled cells", (0.0, 1.0, 0.0)),
+    (500.0, 700.0, 170.0, "Background", (1.0, 0.1, 1.0)),
 )
 BAR_UM = 100.0
 
@@ -30,6 +30,16 @@ def shining(name: str, color):
     return made
 
 
+def _block(stage: Stage, coat) -> None:
+    """The edges of the volume's box."""
+    low, high = box_of(stage.volume)
+    bpy.ops.mesh.primitive_cube_add(size=1.0)
+    made = named("Block", coat)
+    made.matrix_world = Matrix.Translation(stage.middle) @ Matrix.Diagonal((*(high - low), 1.0))
+    bpy.ops.object.transform_apply(location=False, rotation=False, scale=True)
+    made.modifiers.new("Edges", "WIREFRAME").thickness = 0.003 * stage.size
+
+
 def cortex(stage: Stage):
     """Two channels of one stack of mouse cortex, each with a window of its own; their light adds up."""
     stage.settings.scene_scale = 1.0  # a micrometer is a millimeter here
@@ -37,18 +47,18 @@ def cortex(stage: Stage):
     bpy.context.view_layer.objects.active = stage.volume
     bpy.ops.rle_splat.import_channel(of_file=True)
     volumes = (stage.volume, *(row.source for row in stage.volume.rle_splat.channels))
-    corner = stage.at(-0.5, -0.5, 0.0)
+    corner = stage.at(-0.5, -0.5, stage.foot)
     for n, (volume, (level, window, length, name, color)) in enumerate(zip(volumes, CHANNELS, strict=True)):
         ours = volume.rle_splat
         ours.window_center, ours.window_width, ours.opacity_unit_distance = level, window, length
-        place = Matrix.Translation(corner + stage.size * Vector((0.42 + 0.33 * n, -0.05, 0.0)))
+        place = Matrix.Translation(corner + stage.size * Vector((0.4 + 0.34 * n, -0.06, 0.0)))
         letters(name, place, 0.045 * stage.size, shining(name, color), "LEFT")
     bar = BAR_UM / 576.0 * stage.size
     white = shining("Letters", (0.85, 0.87, 0.9))
-    place = Matrix.Translation(corner + Vector((0.5 * bar, -0.09 * stage.size, 0.0)))
+    place = Matrix.Translation(corner + Vector((0.5 * bar, -0.1 * stage.size, 0.0)))
     scale_bar("100 µm", place, bar, 0.045 * stage.size, white)
-    camera = stage.camera((0.0, -0.6, 1.8), aim=(0.0, -0.04, 0.0))
-    camera.data.type, camera.data.ortho_scale = "ORTHO", 1.16 * stage.size
+    _block(stage, shining("Edges", (0.12, 0.12, 0.13)))
+    stage.camera((0.14, -1.5, 1.5), lens=55.0, aim=(-0.02, -0.1, -0.05))
     flat_world(BLACK)
     stage.settings.quality = "fine"
     view_transform("Standard")
@@ -75,7 +85,7 @@ def _surface(stage: Stage, label: int, coat):
     made = bpy.context.view_layer.objects.active
     made.data.materials.clear()
     made.data.materials.append(coat)
-    made.modifiers.new("Cage", "WIREFRAME").thickness = 0.4 * MM  # its uptake is seen
+    made.modifiers.new("Cage", "WIREFRAME").thickness = 0.4 * MM  # the uptake within is seen
     return made
 
 
@@ -125,9 +135,13 @@ def pet(stage: Stage):
     ours.display, ours.use_inverted_grays = "mip", True
     ours.window_center, ours.window_width = 0.5 * SUV, SUV
     aside = Matrix.Translation(at + MM * Vector((ASIDE, 0.0, 0.0)))
-    _duplicate((stage.volume, *tumors), aside @ Matrix.Rotation(1.5707963, 4, "Z") @ Matrix.Translation(-at))
+    _, *others = _duplicate(
+        (stage.volume, *tumors), aside @ Matrix.Rotation(1.5707963, 4, "Z") @ Matrix.Translation(-at)
+    )
     enlarged = Matrix.Translation(at + MM * NEAR) @ Matrix.Scale(LARGER, 4) @ Matrix.Translation(-at - MM * NECK)
     neck, *_ = _duplicate((stage.volume, *tumors), enlarged)
+    for one in (*tumors, *others):
+        one.modifiers["Cage"].thickness = 1.0 * MM  # seen at this size
     bpy.context.view_layer.objects.active = neck
     bpy.ops.rle_splat.add_clip(kind="BOX", keep="INSIDE")
     box = bpy.context.view_layer.objects.active
@@ -142,7 +156,7 @@ def pet(stage: Stage):
 
     width, height = LARGER * HALF.x, LARGER * HALF.z
     for body, x, y in (
-        ("R", -255, 0), ("L", 234, 0), ("P", ASIDE - 150, 0), ("A", ASIDE + 150, 0),
+        ("R", -255, 0), ("L", 256, 0), ("P", ASIDE - 150, 0), ("A", ASIDE + 150, 0),
         ("R", NEAR.x - width - 22, NEAR.z + 100), ("L", NEAR.x + width + 22, NEAR.z + 100),
     ):  # fmt: skip
         letters(body, to(x, y), 36 * MM, black)

@@ -16,7 +16,17 @@ from mathutils import Matrix
 SKULL, HEAD = "dicom_ct_skull_phantom_512x512x140", "t1_head_188x256x190_uint8.nii.gz"
 AORTA = "cta_aorta_labels/cta_heart_aorta_120x126x164_int16.nii.gz"
 BRAIN = "flair_brain_124x160x140_uint8.nrrd"
+LOBSTER = "lobster_301x324x56_uint8.raw.gz"
+BARE = {
+    "shape": (301, 324, 56),
+    "dtype": "uint8",
+    "byte_order": "little",
+    "header_bytes": 0,
+    "spacing": (1.0, 1.0, 1.4),
+}
+LOWEST = {AORTA: 130.0, LOBSTER: 40.0}  # values of the part that is kept
 
+GLOW = (1.0, 0.8, 0.6)  # warmer than WARM
 COOL = (0.85, 0.92, 1.0)  # on skin, which COLD makes gray
 
 
@@ -52,21 +62,21 @@ def _studio(stage: Stage) -> None:
 
 
 def _skin(stage: Stage) -> None:
-    stage.lamp("Behind", "SPOT", 110.0, (1.4, 0.8, 0.1), WARM, spot_size=0.9, shadow_soft_size=0.3)
-    stage.lamp("Front", "SPOT", 110.0, (-1.0, -1.6, 0.7), COOL, spot_size=0.9, shadow_soft_size=0.3)
+    stage.lamp("Behind", "SPOT", 320.0, (1.5, 1.0, 0.3), GLOW, spot_size=0.9, shadow_soft_size=0.2)
+    stage.lamp("Front", "SPOT", 55.0, (-1.2, -1.5, 0.7), COOL, spot_size=0.9, shadow_soft_size=0.3)
     stage.settings.indirect_light = 0.5
 
 
 def _smoke(stage: Stage) -> None:
-    stage.lamp("Within", "POINT", 1.0, (0.0, 0.0, -0.15), (1.0, 0.3, 0.06), shadow_soft_size=0.05)
-    stage.lamp("Sun", "SUN", 1.5, (-1.4, -0.8, 1.3), COLD)
+    stage.lamp("Within", "POINT", 2.6, (0.0, 0.0, -0.15), (1.0, 0.2, 0.03), shadow_soft_size=0.1)
+    stage.lamp("Sun", "SUN", 0.6, (-1.4, -0.8, 1.3), COLD)
     stage.volume.rle_splat.use_shading, stage.volume.rle_splat.diffuse = True, 1.0
 
 
-def _values(stage: Stage) -> None:
-    ours = stage.volume.rle_splat
-    ours.display = "mip"
-    ours.window_center, ours.window_width = 700.0, 1600.0
+def _specimen(stage: Stage) -> None:
+    stage.lamp("Key", "SUN", 5.0, (-1.6, 0.2, 0.5), GLOW, angle=0.05)
+    stage.area("Rim", 170.0, (1.5, 1.2, 0.4), COLD, use_shadow=True)
+    stage.settings.ambient_occlusion = 0.7
 
 
 SOFTBOXES = (((-1.5, -0.6, 1.1), 20.0, (27.0, 25.0, 23.0)), ((1.5, 0.7, 0.3), 16.0, (9.0, 12.5, 17.0)))
@@ -85,7 +95,15 @@ RECIPES = (
         lens=62.0,
     ),
     Recipe("smoke", "smoke_fog.vdb", _smoke, aim=(0.0, 0.0, -0.05)),
-    Recipe("values", AORTA, _values, {"preset": "ct-angiography"}),
+    Recipe(
+        "specimen",
+        LOBSTER,
+        _specimen,
+        {**BARE, "preset": "ct-specimen"},
+        toward=(0.35, -1.2, 1.4),
+        aim=(0.02, -0.1, 0.0),
+        lens=64.0,
+    ),
 )
 
 
@@ -102,9 +120,9 @@ def _without_holder() -> None:
     bpy.ops.rle_splat.change_segment(tool="GROW", length=2.0)
 
 
-def _largest_part(volume) -> None:
+def _largest_part(volume, low: float) -> None:
     """Threshold to Segment, Keep Largest and Grow, and nothing else: heart and ribs without loose vessels."""
-    bpy.ops.rle_splat.threshold_segment(low=130.0, high=volume.rle_splat.value_high)
+    bpy.ops.rle_splat.threshold_segment(low=low, high=volume.rle_splat.value_high)
     bpy.ops.rle_splat.change_segment(tool="LARGEST")
     bpy.ops.rle_splat.change_segment(tool="GROW", length=3.0)
     for row in volume.rle_splat.labels:
@@ -146,8 +164,8 @@ def light(stage: Stage):
         made = Stage.of(volume, stage.folder)
         if recipe.file == SKULL:
             _without_holder()
-        if recipe.file == AORTA:
-            _largest_part(volume)
+        if recipe.file in LOWEST:
+            _largest_part(volume, LOWEST[recipe.file])
         for key, value in recipe.volume.items():
             setattr(volume.rle_splat, key, value)
         made.camera(recipe.toward, recipe.lens, recipe.aim)

@@ -1,6 +1,7 @@
 """Put a picture of the gallery, or pairs of them, on its backdrop and compress it (runs in an environment with Pillow).
 
-Arguments: the folder with the pictures and their names in ``parts.json``; the file to write.
+Arguments: the folder with the pictures and their names in ``parts.json``; the file to write; by how much they are
+scaled down.
 """
 
 from __future__ import annotations
@@ -54,11 +55,11 @@ def in_pairs(pictures: dict[str, Image.Image]) -> Image.Image:
     return sheet
 
 
-def main(folder: Path, path: Path) -> None:
+def main(folder: Path, path: Path, finer: int) -> None:
     names = json.loads((folder / "parts.json").read_text())
-    pictures = {name: on_backdrop(Image.open(folder / f"{name}.png")) for name in names}
+    pictures = {name: on_backdrop(Image.open(folder / f"{name}.png").reduce(finer)) for name in names}
     save_jpeg(in_pairs(pictures) if len(names) > 1 else pictures[names[0]], path)
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), Path(sys.argv[2]))
+    main(Path(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3]))

@@ -15,6 +15,7 @@ from gallery_skull import skull
 from gallery_studio import (
     COLD,
     RENDER,
+    WARM,
     Stage,
     emission,
     letters,
@@ -38,11 +39,13 @@ NAMES = (
     ("Celiac trunk", ((2.0, -4.0, -103.0),), (-0.18, -0.12)),
     ("T12", ((-2.0, 80.0, -97.0),), (0.2, -0.12)),
 )
-VIOLET = (0.22, 0.1, 0.42)  # of the false lumen: blue is for veins
+RED = (0.5, 0.035, 0.025)  # of the arteries
+PLUM = (0.2, 0.035, 0.13)  # of the false lumen: blue is for veins
+SHADED = 0.75  # the part of the slice that is lit
 
 
-def _lay_slice(stage: Stage) -> None:
-    """An axial slice as the ground, with a window of its own."""
+def _lay_slice(stage: Stage):
+    """An axial slice as the ground, with a window of its own, that takes and casts shadows."""
     bpy.context.view_layer.objects.active = stage.volume
     bpy.ops.rle_splat.add_slice(kind="axial")
     made = bpy.context.view_layer.objects.active
@@ -51,6 +54,35 @@ def _lay_slice(stage: Stage) -> None:
     ours = stage.volume.rle_splat
     ours.slices_follow_window = False
     ours.slice_center, ours.slice_width = 150.0, 900.0
+    _let_shade(made)
+    made.visible_shadow = True
+    return made
+
+
+def _let_shade(one) -> None:
+    """Mix the emission of a slice's material with a diffuse surface of the same picture, which takes shadows."""
+    tree = one.material_slots[0].material.node_tree
+    of = {node.bl_idname: node for node in tree.nodes}
+    diffuse, mix = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("BsdfDiffuse", "MixShader"))
+    mix.inputs["Fac"].default_value = SHADED
+    tree.links.new(of["ShaderNodeTexImage"].outputs["Color"], diffuse.inputs["Color"])
+    tree.links.new(of["ShaderNodeEmission"].outputs[0], mix.inputs[1])
+    tree.links.new(diffuse.outputs[0], mix.inputs[2])
+    tree.links.new(mix.outputs[0], of["ShaderNodeMixShader"].inputs[2])
+
+
+def _change(ours, name: str, tool: str, length: float = 0.0) -> None:
+    """One of Segment Tools on the segment of a name."""
+    ours.active_label = next(n for n, row in enumerate(ours.labels) if row.label_name == name)
+    bpy.ops.rle_splat.change_segment(tool=tool, **({"length": length} if length else {}))
+
+
+def _cast_shadows(stage: Stage) -> None:
+    """Extract the segments' surface, and hide it from the camera: it casts the shadow that a volume does not cast on
+    meshes inside its box, such as the slice."""
+    bpy.context.view_layer.objects.active = stage.volume
+    bpy.ops.rle_splat.extract_surface(of="OPACITY", opacity=0.5)
+    bpy.context.view_layer.objects.active.visible_camera = False
 
 
 def _name(stage: Stage, camera, body: str, places, at: tuple[float, float], coat) -> None:
@@ -72,8 +104,16 @@ def aorta(stage: Stage):
     """Segments of a dissected aorta, with their names, on an axial slice of the same scan."""
     stage.read_labels(stage.folder / "segmentations")
     bpy.ops.rle_splat.color_anatomy()
-    next(row for row in stage.volume.rle_splat.labels if row.label_name == "aorta_false_lumen").color = VIOLET
-    _lay_slice(stage)
+    ours = stage.volume.rle_splat
+    for row in ours.labels:
+        if row.label and "T12" not in row.label_name:
+            row.color = PLUM if "false" in row.label_name else RED
+    _change(ours, "aorta_false_lumen", "LARGEST")
+    _change(ours, "aorta_true_lumen", "SMOOTH", 1.5)
+    _change(ours, "vertebrae_T12", "SMOOTH", 2.0)
+    ours.smoothness, ours.specular, ours.shininess = 3.0, 0.35, 30.0
+    laid = _lay_slice(stage)
+    _cast_shadows(stage)
     white, ground = emission("Letters", (0.85, 0.87, 0.9)), PLATE + 1.0
     at = Matrix.Translation(stage.middle)
     for body, x, y in (("R", -106.0, -62.0), ("L", 108.0, -30.0)):
@@ -83,16 +123,21 @@ def aorta(stage: Stage):
     bpy.context.view_layer.update()
     for body, places, at in NAMES:
         _name(stage, camera, body, places, at, white)
-    stage.without_background(12)
     bpy.context.scene.cycles.use_denoising = True
-    stage.key(3.0, (-0.8, -1.5, 1.4))
+    floor = stage.sweep((1.2, -1.7), stage.foot - 4.0 * MM / stage.size, (0.03, 0.034, 0.044))
+    floor.visible_shadow = False  # the key is behind its wall
+    floor.active_material.node_tree.nodes["Principled BSDF"].inputs["Specular IOR Level"].default_value = 0.0
+    stage.ground += (laid,)
+    stage.key(4.2, (-1.4, -0.3, 1.6))
+    stage.area("Fill", 36.0, (0.3, -1.9, 0.9), WARM)
     stage.area("Rim", 50.0, (-1.6, 1.4, 1.0), COLD)
     softbox_world(
         ((0.02, 0.02, 0.022), (0.05, 0.055, 0.065), (0.25, 0.27, 0.3)),
         (((1.6, -1.3, 1.1), 24.0, (4.0, 3.8, 3.6)), ((-1.6, -0.9, 0.6), 18.0, (3.0, 3.4, 4.0))),
-        0.6,
+        0.35,
     )
     stage.settings.ambient_occlusion, stage.settings.quality = 0.7, "fine"
+    stage.settings.effect_overrides.shadows_on_meshes = "OFF"  # the surface casts them
     view_transform("Standard")
     yield RENDER
 

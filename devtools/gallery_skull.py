@@ -10,7 +10,7 @@ import math
 
 import bpy
 from demo_scene import box_of, material, named
-from gallery_studio import COLD, RENDER, Stage, emission, letters, scale_bar, softbox_world, view_transform
+from gallery_studio import COLD, RENDER, WARM, Stage, emission, letters, scale_bar, softbox_world, view_transform
 from mathutils import Matrix, Vector
 
 MM = 0.001
@@ -18,7 +18,7 @@ CORNER = Vector((4.0, 0.0, 14.0))  # the left upper quarter beyond it is cut awa
 PATCH = Vector((-22.0, -150.0, 24.0))  # before the forehead, where the plate is
 CELL, COLUMNS, ROWS = 5.8, 9, 9  # of the plate: mm from hole to hole; holes
 SOLID = 250.0  # HU: between air and the plastic of the skull, 700 HU
-WINDOW = 575.0, 850.0  # HU, level and width: below it is air, and the blocks inside
+WINDOW = 570.0, 580.0  # HU, level and width: below it are air, the blocks inside, and the dark rim of the plastic
 SHIFT = -100.0  # HU: thin walls are less dense
 THICKNESS = 0.05  # mm that have the opacity of the curve: light through a clear wall would show the layers of 1 mm
 
@@ -91,7 +91,7 @@ def _plate(stage: Stage, bone, coat) -> None:
     rim = sorted({faces[0] for faces in edges.values() if len(faces) == 1})
     center = sum((flat.polygons[n].center for n in rim), Vector()) / len(rim)
     rim.sort(key=lambda n: math.atan2(flat.polygons[n].center.z - center.z, flat.polygons[n].center.x - center.x))
-    for n in rim[:: max(len(rim) // 9, 1)]:
+    for turn, n in enumerate(rim[:: max(len(rim) // 9, 1)]):
         polygon = flat.polygons[n]
         normal = (to_world.to_3x3() @ polygon.normal).normalized()
         normal = normal if normal.y < 0.0 else -normal
@@ -100,6 +100,13 @@ def _plate(stage: Stage, bone, coat) -> None:
         bpy.ops.mesh.primitive_uv_sphere_add(radius=2.5 * MM, segments=48, ring_count=24)
         head = named("Screw", coat)
         head.matrix_world = Matrix.Translation(place) @ turned @ Matrix.Diagonal((1.0, 1.0, 0.45, 1.0))
+        bpy.ops.mesh.primitive_cube_add(size=MM)
+        slot = named("Slot", coat)
+        slot.matrix_world = (Matrix.Translation(place + 1.0 * MM * normal) @ turned @ Matrix.Rotation(turn, 4, "Z")
+                             @ Matrix.Diagonal((6.0, 0.8, 1.2, 1.0)))  # fmt: skip
+        slot.hide_render = slot.hide_viewport = True
+        cut = head.modifiers.new("Slot", "BOOLEAN")
+        cut.object, cut.operation = slot, "DIFFERENCE"
         bpy.ops.mesh.primitive_cylinder_add(radius=1.0 * MM, depth=9.0 * MM, vertices=32)
         named("Screw", coat).matrix_world = Matrix.Translation(place - 4.5 * MM * normal) @ turned
 
@@ -158,7 +165,8 @@ def skull(stage: Stage):
     toward = (0.8, -1.95, 0.85)
     stage.camera(toward, lens=66.0, aim=(0.03, -0.08, -0.085))
     stage.sweep(toward, stage.foot - 5.0 * MM / stage.size, (0.06, 0.066, 0.078))
-    stage.key(3.2, (1.4, -0.7, 0.8))  # from the side: the shadow of each bar falls into the hole beside it
+    # From the side: the shadow of each bar falls into the hole beside it.
+    stage.lamp("Key", "SUN", 3.2, (1.4, -0.7, 0.8), WARM, angle=math.radians(8.0))
     stage.area("Rim", 60.0, (-1.6, 1.4, 1.2), COLD)
     softbox_world(
         ((0.02, 0.02, 0.022), (0.05, 0.055, 0.065), (0.25, 0.27, 0.3)),
