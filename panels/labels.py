@@ -8,6 +8,7 @@ from ..operators.change_segment import TOOLS
 from .places import OfVolume, paragraph
 
 ALONE_SHARE = 0.45  # of the width, for Show Alone
+PRESET_SHARE = 0.3  # of its name
 NAME_SHARE = 0.75  # of a row's width that the segment's name takes
 SWATCH = 1.2  # width of a color, in buttons
 ROWS = 6
@@ -90,6 +91,8 @@ class RLE_SPLAT_PT_labels(OfVolume, bpy.types.Panel):
             row.operator("rle_splat.solo_label", text="Show Alone", icon="SOLO_ON").label = chosen.label
             row.operator("rle_splat.color_anatomy")
             label = next(label for name, label, _ in labels.FUNCTION_ITEMS if name == chosen.look)
-            layout.menu(RLE_SPLAT_MT_label_functions.__name__, text=label)
+            row = layout.split(factor=PRESET_SHARE)
+            row.label(text="Preset")
+            row.menu(RLE_SPLAT_MT_label_functions.__name__, text=label)
             layout.prop(chosen, "use_color")
         layout.prop(properties, "smooth_labels")

@@ -18,6 +18,8 @@ TEXTS = {name: kind.text for name, kind in EFFECTS.items()} | {
     SHADOWS_ON_MESHES: "lets Blender's render show the volume's shadow on meshes and its reflection in them, where "
     "renders include the volume",
 }
+# The effects that panels call something else than their names in Title Case.
+PANEL_NAMES = {"clip objects": "Cutting Objects", "indirect light": "Scattering"}
 AUTO = "AUTO"
 STATES = {AUTO: None, "ON": True, "OFF": False}
 STATE_ITEMS = [
@@ -33,8 +35,8 @@ def property_of(name: str) -> str:
 
 
 def title(name: str) -> str:
-    """The name of an effect in Title Case: Depth of Field."""
-    return name.title().replace(" Of ", " of ").replace(" On ", " on ").replace("Clip O", "Cutting O")
+    """The name of an effect in panels, such as Depth of Field."""
+    return PANEL_NAMES.get(name) or name.title().replace(" Of ", " of ").replace(" On ", " on ")
 
 
 _Override = partial(EnumProperty, items=STATE_ITEMS, default=AUTO, update=evaluate_anew)

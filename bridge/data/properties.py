@@ -216,7 +216,7 @@ class SceneSettings(bpy.types.PropertyGroup):
         description="Darken places where the volume or a mesh blocks the light from all sides; 1 is full strength"
     )  # fmt: skip
     indirect_light: LiveFloat(
-        name="Indirect Light", default=0.0, min=0.0, max=1.0, precision=2,
+        name="Scattering", default=0.0, min=0.0, max=1.0, precision=2,
         description="Scatter the light of scene lights that cast shadows, so that skin, fat and thin parts are "
         "translucent; 1 is full strength")  # fmt: skip
     clip_objects: LivePointer(

@@ -216,8 +216,8 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         name="Kind of Slice", description="How the slice lay when it was added: axial, coronal or sagittal",
         options={"HIDDEN"})  # fmt: skip
     slice_position: FloatProperty(
-        name="Position", description="Place of the slice along the volume's axis, in the file's own coordinates, as "
-        "the viewport names it. In mm for patients, from the file's origin toward the left, back or head",
+        name="Position", description="Place of the slice along the volume's axis, as the viewport names it. For "
+        "patients, in mm and in DICOM's coordinates, toward the left, back or head",
         precision=1, step=100, options=set(), get=_slice_position, set=_move_slice)  # fmt: skip
     slices_follow_window: BoolProperty(
         name="Same as Volume", default=True, update=_unlink_slices,
