@@ -63,7 +63,7 @@ def _studio(stage: Stage) -> None:
 
 def _skin(stage: Stage) -> None:
     stage.lamp("Behind", "SPOT", 320.0, (1.5, 1.0, 0.3), GLOW, spot_size=0.9, shadow_soft_size=0.2)
-    stage.lamp("Front", "SPOT", 55.0, (-1.2, -1.5, 0.7), COOL, spot_size=0.9, shadow_soft_size=0.3)
+    stage.lamp("Front", "SPOT", 95.0, (-1.2, -1.5, 0.7), COOL, spot_size=0.9, shadow_soft_size=0.3)
     stage.settings.indirect_light = 0.5
 
 
@@ -79,7 +79,7 @@ def _specimen(stage: Stage) -> None:
     stage.settings.ambient_occlusion = 0.7
 
 
-SOFTBOXES = (((-1.5, -0.6, 1.1), 20.0, (27.0, 25.0, 23.0)), ((1.5, 0.7, 0.3), 16.0, (9.0, 12.5, 17.0)))
+SOFTBOXES = (((-1.5, -0.6, 1.1), 20.0, (27.0, 25.0, 23.0)), ((1.5, 0.7, 0.3), 16.0, (18.0, 23.0, 30.0)))
 OPAQUE = {"opacity_unit_distance": 0.05, "smoothness": 2.0, "shift_by": -100.0}  # mm, mm, HU: thin bone is whole
 RECIPES = (
     Recipe("bone", SKULL, _bone, {"preset": "ct-bone"}, OPAQUE, aim=(0.0, 0.0, -0.06), lens=72.0),

@@ -70,6 +70,7 @@ def skull():
 
 def curve():
     """Bones in a foot that is nearly clear."""
+    open_panels("RLE_SPLAT_PT_volume", *(f"RLE_SPLAT_PT_{name}" for name in PANELS))
     yield from imported("xa-limb", FOOT, spacing=(1.0, 1.0, 1.0))
     bpy.context.scene.rle_splat.quality = "fine"
     bare()
