@@ -198,7 +198,7 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         get=lambda group: group.clip_keep == "OUTSIDE")  # fmt: skip
     clip_is_on: BoolProperty(
         name="Cuts",
-        description="Cut with this object",
+        description="Turn this cut on or off",
         set=_switch_cut,
         get=lambda group: not group.id_data.hide_render,
     )

@@ -204,7 +204,7 @@ class MemoryEstimate:
 
     @property
     def needed(self) -> int:
-        """Bytes that are still to be taken; the work is done when the picture is begun."""
+        """Bytes still to be allocated; ``work`` is freed before ``picture`` is allocated."""
         return self.visible + self.normals + self.runs + self.records + max(self.work, self.picture)
 
     @property

@@ -222,7 +222,7 @@ class Quality:
         Whether what arrives of lamps and of ambient light is traced by rays beside each voxel, not read from a grid:
         slower and exact. The preset "strict" has it, and plans for a tolerance. Only "post".
     held : bool
-        Whether the knobs are the plan of an earlier picture, which is used whatever the scene.
+        Whether the settings are those chosen for an earlier picture, which are used whatever the scene.
 
     Raises
     ------

@@ -223,8 +223,8 @@ class Scene:
             raise RleSplatError(f"The {what} has {others} voxels and the volume has {mine}; give one on the same grid.")
         if None not in (self.volume.space, other.space) and not is_same_grid(self.volume, other):
             raise RleSplatError(
-                f"The {what} lies elsewhere in the patient than the volume; bring it onto the volume's grid with "
-                "volume.regrid.on_grid_steps."
+                f"The {what} lies elsewhere in the patient than the volume; give one on the same grid, as read_labels "
+                "does for label files."
             )
 
     def __repr__(self) -> str:

@@ -1,6 +1,6 @@
 """Pictures to a tolerance (algorithm.md 2.4): choose a plan, render it, measure it, and refine it where it errs more.
 
-The error is the largest difference of any channel of premultiplied scene-linear RGBA, in levels of 1/255.  It is
+The error is the largest difference of any channel of premultiplied scene-linear RGBA, in 8-bit steps of 1/255.  It is
 measured at probe pixels: random ones, which speak for all pixels; the steepest ones; and those of the largest error
 estimate.  The truth is T1 for the classification ``pre`` and T2 for ``post``.
 """
@@ -56,7 +56,7 @@ def render_within(
     ----------
     scene : Scene
     tolerance : float
-        The largest error allowed of any channel of scene-linear, premultiplied RGBA, in levels of 1/255.
+        The largest error allowed of any channel of scene-linear, premultiplied RGBA, in 8-bit steps of 1/255.
     quality : Quality, optional
         What the tolerance does not decide, such as the classification, the record and the threads.
     progress, cache : optional
