@@ -85,6 +85,6 @@ def test_a_scene_refuses_further_volumes_of_another_place():
     for more in (
         {"channels": (Channel(channel_on(affine, shape), clear),)}, {"labels": Labels(labels_on(affine, shape))},
     ):  # fmt: skip
-        with pytest.raises(RleSplatError, match="lies elsewhere in the patient than the volume; bring it onto"):
+        with pytest.raises(RleSplatError, match="elsewhere in the patient than the volume; give one on the same grid"):
             Scene(SCAN, clear, Camera(), **more)
     Scene(SCAN, clear, Camera(), channels=(Channel(on_scan(channel_on(affine, shape)), clear),))
