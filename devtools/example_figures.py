@@ -33,7 +33,7 @@ SMALL, POSTER, EYE = 360, 3600, (735, 2470)  # pixels: a picture's side, a poste
 PYTHON = 480  # pixels: a side of the pictures of the page on Python
 TILE, WORKERS = 90, ("#4477aa", "#ee6677", "#228833", "#ccbb44")  # pixels; a color for each
 MOST_BYTES, BLACK, GRAY = 80_000, (0.0, 0.0, 0.0), "#303030"
-TURN, TENTHS = 24, 1  # frames of the turntable, and how long each is shown
+TURN, MILLISECONDS = 24, 100  # frames of the turntable, and how long each is shown
 FIRST = ("--preset", "ct-bone", "--smoothness", "2", "--fit", "0.9", "--quality", "fine")
 CLOSE = ("--azimuth", "30", "--elevation", "20", "--fit", "0.42", "--size", "400")
 STEPS = (  # of the strip, after the slices: pictures of the documentation, and the part of each
@@ -161,7 +161,7 @@ def from_parts(folder: Path) -> None:
     """The pictures that are put together from others."""
     frames = [Image.open(folder / f"turn_{number:04}.png").convert("RGBA") for number in range(1, TURN + 1)]
     frames = [Image.alpha_composite(Image.new("RGBA", one.size, GRAY), one).convert("RGB") for one in frames]
-    frames[0].save(folder / "how-to-turn.webp", save_all=True, append_images=frames[1:], duration=100 * TENTHS, loop=0,
+    frames[0].save(folder / "how-to-turn.webp", save_all=True, append_images=frames[1:], duration=MILLISECONDS, loop=0,
                    quality=60, method=6)  # fmt: skip
     whole, coarse, part = (Image.open(folder / f"{name}.png").convert("RGBA") for name in ("whole", "coarse", "part"))
     beside(folder, "how-to-coarse", coarse, whole)

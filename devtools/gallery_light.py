@@ -121,7 +121,7 @@ def _without_holder() -> None:
 
 
 def _largest_part(volume, low: float) -> None:
-    """Threshold to Segment, Keep Largest and Grow, and nothing else: heart and ribs without loose vessels."""
+    """Threshold to Segment, Keep Largest and Grow, with all else hidden, such as loose vessels."""
     bpy.ops.rle_splat.threshold_segment(low=low, high=volume.rle_splat.value_high)
     bpy.ops.rle_splat.change_segment(tool="LARGEST")
     bpy.ops.rle_splat.change_segment(tool="GROW", length=3.0)
