@@ -27,10 +27,12 @@ RAYS_AT_ONCE = 16384
 RAYS_NEAR_MESHES = 256
 NUDGE = 1e-9  # voxels ahead, where the cell of a position on a face is looked up
 NODES = 0.5 + np.sqrt(1.0 / 12.0) * np.array((-1.0, 1.0))
-# Directions of Lebedev's rule of degree five (Lebedev 1976): six axes and eight corners of a cube, and their weights.
-_CORNERS = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) / np.sqrt(3.0)
-SKY = np.concatenate((np.eye(3), -np.eye(3), _CORNERS))
-SKY_WEIGHTS = np.array([1.0 / 15.0] * 6 + [3.0 / 40.0] * 8)
+# Directions of the sky: a spiral over the upper half sphere, at heights of equal areas, and their opposites.
+_TURNS = np.pi * (3.0 - np.sqrt(5.0)) * np.arange(12)
+_HEIGHTS = 1.0 - (np.arange(12) + 0.5) / 12.0
+_AROUND = np.sqrt(1.0 - _HEIGHTS**2)
+_UPPER = np.stack((_AROUND * np.cos(_TURNS), _AROUND * np.sin(_TURNS), _HEIGHTS), axis=1)
+SKY = np.concatenate((_UPPER, -_UPPER))
 
 
 class Tracer:
@@ -96,7 +98,7 @@ class Tracer:
         rays = start, directions, [np.full(len(start), np.inf)] * len(SKY)
         depths = self._depths(*rays, OPAQUE)
         self._block(depths, *rays)
-        return np.einsum("k,kn->n", SKY_WEIGHTS, np.exp(-depths))
+        return np.exp(-depths).mean(axis=0)
 
     def _world(self, index):
         return np.einsum("ni,ji->nj", index, self._matrix[:3, :3]) + self._matrix[:3, 3]

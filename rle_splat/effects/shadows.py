@@ -24,7 +24,7 @@ from ..runtime.buffer_pool import empty
 from ..runtime.steps import map_steps
 from ..shade.light_nodes import lit_nodes_steps, shade_nodes_steps
 from ..shade.light_rays import Bricks, Cuts, trace_steps
-from ..shade.light_samples import SKY_DIRECTIONS, SKY_WEIGHTS, fixed_samples, light_samples
+from ..shade.light_samples import fixed_samples, light_samples, sky_directions
 from ..shade.light_sheets import Sweep, point_sweeps, sun_sweeps
 from ..shade.light_sweep import FULL, sweep_light
 from ..shade.mesh_light import block_steps
@@ -212,15 +212,15 @@ def light_passes(light, occluders: Occluders, *, nodes: bool, sharp: bool = Fals
 
 
 def sky_passes(occluders: Occluders, *, nodes: bool):
-    """As ``light_passes``, for light from all directions, sampled by fourteen; ambient occlusion.
+    """As ``light_passes``, for light from all directions: ambient occlusion.
 
     The NEAR_SKY slices next to a voxel do not occlude the voxel itself; a node is occluded by all.
     """
     grid = occluders.matrix, occluders.voxels.shape_xyz, occluders.boxed
-    passes = [sun_sweeps(direction, *grid) for direction in SKY_DIRECTIONS]
+    passes = [sun_sweeps(direction, *grid) for direction in sky_directions()]
     if not nodes:
         passes = [[sweep.without_nearest(NEAR_SKY) for sweep in sweeps] for sweeps in passes]
-    return passes, SKY_WEIGHTS
+    return passes, np.full(len(passes), 1.0 / len(passes))
 
 
 def voxel_light_steps(passes: list[list[Sweep]], weights, occluders: Occluders):
@@ -333,7 +333,7 @@ def traced_light_steps(light, occluders: Occluders, bricks: Bricks, points: Poin
     Parameters
     ----------
     light : Light or None
-        None for light from all directions, sampled by fourteen: ambient occlusion.
+        None for light from all directions: ambient occlusion.
     bricks : Bricks
         Of the extinction of the voxels, of which clips cut nothing away.
     points : Points
@@ -346,15 +346,11 @@ def traced_light_steps(light, occluders: Occluders, bricks: Bricks, points: Poin
     (m,) ndarray of int16
         ONE times the share that arrives.
     """
-    if light is None:
-        places, weights = SKY_DIRECTIONS, SKY_WEIGHTS
-    else:
-        places = fixed_samples(light, occluders.corners)
-        weights = np.full(len(places), 1.0 / len(places))
+    places = sky_directions() if light is None else fixed_samples(light, occluders.corners)
     is_sun = light is None or light.type == "SUN"
     grid = occluders.matrix, occluders.voxels.shape_xyz, occluders.boxed
     sums, cuts = np.zeros(len(occluders.voxels), np.float32), _cuts(occluders)
-    for n, (point, weight) in enumerate(zip(places, weights)):
+    for n, point in enumerate(places):
 
         def along(done, n=n):
             return (n + done) / len(places)
@@ -363,7 +359,8 @@ def traced_light_steps(light, occluders: Occluders, bricks: Bricks, points: Poin
         steps = unblocked_steps([sweeps], [1.0], occluders, points, beside=light is None)
         left = yield from map_steps(steps, lambda _: along(0.0))
         steps = trace_steps(
-            occluders.voxels, points, bricks, occluders.matrix, point, is_sun, cuts, weight, left, scattered, sums,
+            occluders.voxels, points, bricks, occluders.matrix, point, is_sun, cuts, 1.0 / len(places), left, scattered,
+            sums,
             threads=occluders.threads,
         )  # fmt: skip
         yield from map_steps(steps, along)

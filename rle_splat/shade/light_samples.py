@@ -16,10 +16,7 @@ MOST_SAMPLES = 8  # sixteen look the same on a head under a sun 23 degrees wide
 FIXED = 16
 GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
 PLASTIC = np.array((0.7548776662466927, 0.5698402909980532))  # steps that fill a square evenly (the plastic number)
-# Directions to the fourteen points of Lebedev's rule of degree five, and their weights: six axes and eight corners.
-_CORNERS = np.stack(np.meshgrid((-1, 1), (-1, 1), (-1, 1)), axis=-1).reshape(-1, 3) / math.sqrt(3.0)
-SKY_DIRECTIONS = np.concatenate((np.eye(3), -np.eye(3), _CORNERS))
-SKY_WEIGHTS = np.array((1 / 15,) * 6 + (3 / 40,) * 8)
+HALF_SKY = 12  # directions of the sky above a plane
 
 
 def light_samples(light, box: np.ndarray, voxel: float) -> np.ndarray:
@@ -84,6 +81,21 @@ def fixed_samples(light, box: np.ndarray) -> np.ndarray:
     spread = radius * _spiral(FIXED) if radius > 0.0 else np.zeros((1, 2))
     points = spread[:, :1] * across + spread[:, 1:] * up
     return -(towards + points) if is_sun else matrix[:3, 3] + points
+
+
+def sky_directions() -> np.ndarray:
+    """Sample the sky evenly, for ambient occlusion.
+
+    Returns
+    -------
+    (2 HALF_SKY, 3) ndarray of float64
+        World, unit vectors: a spiral over half the sphere, and their opposites, so that any plane hides half of them.
+        The map from the disc to the half sphere is Lambert's, which keeps areas.
+    """
+    disc = _spiral(HALF_SKY)
+    squared = (disc**2).sum(axis=1, keepdims=True)
+    half = np.concatenate((disc * np.sqrt(2.0 - squared), 1.0 - squared), axis=1)
+    return np.concatenate((half, -half))
 
 
 def _penumbra(size: float, position, box, voxel: float) -> float:
