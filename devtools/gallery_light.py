@@ -58,7 +58,7 @@ def _soft(stage: Stage) -> None:
 
 def _studio(stage: Stage) -> None:
     softbox_world(((0.002, 0.002, 0.002), (0.006, 0.0065, 0.0075), (0.03, 0.033, 0.04)), SOFTBOXES)
-    stage.settings.ambient_occlusion = 1.0
+    stage.settings.ambient_occlusion = 0.6
 
 
 def _skin(stage: Stage) -> None:

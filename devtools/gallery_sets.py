@@ -41,7 +41,7 @@ NAMES = (
 )
 RED = (0.5, 0.035, 0.025)  # of the arteries
 PLUM = (0.2, 0.035, 0.13)  # of the false lumen: blue is for veins
-SHADED = 0.75  # the part of the slice that is lit
+SHADED = 0.9  # the part of the slice that is lit
 
 
 def _lay_slice(stage: Stage):
@@ -111,7 +111,7 @@ def aorta(stage: Stage):
     _change(ours, "aorta_false_lumen", "LARGEST")
     _change(ours, "aorta_true_lumen", "SMOOTH", 1.5)
     _change(ours, "vertebrae_T12", "SMOOTH", 2.0)
-    ours.smoothness, ours.specular, ours.shininess = 3.0, 0.2, 30.0
+    ours.smoothness, ours.specular, ours.shininess = 3.0, 0.1, 30.0
     laid = _lay_slice(stage)
     _cast_shadows(stage)
     white, ground = emission("Letters", (0.85, 0.87, 0.9)), PLATE + 1.0
