@@ -67,7 +67,7 @@ class Subject:
     note: str = ""
 
     def scene(self, size: int, perspective: bool) -> Scene:
-        camera, matrix = turntable(self.volume, *self.view, 1.1, perspective, width=size, height=size)
+        camera, matrix = turntable(self.volume, *self.view, 1.1, perspective)
         return Scene(self.volume, self.function, camera, size, size, matrix)
 
 

@@ -98,7 +98,7 @@ def _processor_seconds() -> float:
 
 def scene_of(volume, view: str, headlight: bool) -> Scene:
     """The picture that is measured."""
-    camera, matrix = turntable(volume, *VIEWS[view], width=PIXELS, height=PIXELS)
+    camera, matrix = turntable(volume, *VIEWS[view])
     function = TransferFunction.from_json(FUNCTION)
     return Scene(
         volume=volume, transfer_function=function, camera=camera, width=PIXELS, height=PIXELS, volume_matrix=matrix,

@@ -200,7 +200,7 @@ def drawn(volume: Path, side: int, size: int):
     found = read_volume(volume, shape=(side,) * 3, dtype="uint16")
     read = seconds_of(lambda: found.value_counts)  # reads every voxel
     function, _ = default_transfer_function(found)
-    camera, matrix = turntable(found, width=size, height=size)
+    camera, matrix = turntable(found)
     with patch.object(pipeline, "Clock", lambda: Clock(process_time)):
         made = pipeline.render(Scene(found, function, camera, size, size, matrix), Quality(threads=1))
     return made, read, sum(made.report["stages_ms"][stage] for stage in DRAWING) / 1e3

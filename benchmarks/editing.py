@@ -55,7 +55,7 @@ def sun(turned: float) -> Light:
 
 def turned(scene: Scene, number: int) -> Scene:
     """The scene with the camera turned by ``number`` steps."""
-    camera, _ = turntable(scene.volume, VIEW[0] + TURN * number, VIEW[1], width=scene.width, height=scene.height)
+    camera, _ = turntable(scene.volume, VIEW[0] + TURN * number, VIEW[1])
     return replace(scene, camera=camera)
 
 
@@ -188,7 +188,7 @@ def main(arguments) -> int:
     print(f"{'volume':<12}{'voxels':>9}  {'quality':<10}{'bytes':>5}  {'edit':<19}", end="")
     print("".join(f"{stage:>10}" for stage in STAGES))
     for name, volume, tf in volumes(options.volume, options.side):
-        camera, matrix = turntable(volume, *VIEW, width=options.size, height=options.size)
+        camera, matrix = turntable(volume, *VIEW)
         scene = Scene(volume, tf, camera, options.size, options.size, matrix, headlight=True)
         for preset in options.quality:
             for record in records:

@@ -249,7 +249,7 @@ class Setting:
     priced: tuple[str, ...]
 
     def at(self, azimuth: float, size: int) -> Scene:
-        camera, matrix = turntable(self.volume, azimuth, ELEVATION, perspective=True, width=size, height=size)
+        camera, matrix = turntable(self.volume, azimuth, ELEVATION, perspective=True)
         function = replace(self.function, shade=None)
         scene = Scene(self.volume, function, camera, size, size, matrix, headlight=False)
         return given(scene, "lights") if self.lit else scene

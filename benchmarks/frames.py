@@ -44,7 +44,7 @@ def view_scene(volume: Volume, tf, view, size: int, perspective: bool = False, s
     Scene
         The scene.
     """
-    camera, matrix = turntable(volume, *view, perspective=perspective, width=size, height=size)
+    camera, matrix = turntable(volume, *view, perspective=perspective)
     return Scene(volume, tf, camera, size, size, matrix, headlight=shaded)
 
 

@@ -26,7 +26,7 @@ KINDS = "SUN", "POINT"
 
 def lit_scene(volume, function, kind: str, turned: float) -> Scene:
     """The volume under one lamp, so many degrees on its way around it."""
-    camera, matrix = turntable(volume, *VIEWS[1], perspective=True, width=WIDTH, height=HEIGHT)
+    camera, matrix = turntable(volume, *VIEWS[1], perspective=True)
     scene = Scene(volume, function, camera, WIDTH, HEIGHT, matrix, headlight=False, volume_shadows=True)
     seen = turntable(volume, VIEWS[1][0] - 40.0 + turned, ABOVE)[0].matrix_world
     lamp = Light("SUN", energy=3.0, matrix_world=seen)

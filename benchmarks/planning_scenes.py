@@ -38,9 +38,7 @@ class View:
     fov: float = 40.0
 
     def of(self, volume: Volume, function: TransferFunction, shaded: bool) -> Scene:
-        camera, matrix = turntable(
-            volume, self.azimuth, self.elevation, self.fit, self.perspective, self.fov, self.size, self.size
-        )
+        camera, matrix = turntable(volume, self.azimuth, self.elevation, self.fit, self.perspective, self.fov)
         return Scene(volume, function, camera, self.size, self.size, matrix, headlight=shaded)
 
 

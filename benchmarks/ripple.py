@@ -45,7 +45,7 @@ def lit_scene(volume: Volume, opacity: str, light: str) -> Scene:
     """The body, matt and white, under one of LIGHTS."""
     matt = Shade(0.0, 1.0, 0.0, 1.0)
     function = TransferFunction(opacity, None, OPACITIES[opacity], ((0.0, 1.0, 1.0, 1.0),), 1.0, matt)
-    camera, matrix = turntable(volume, *VIEW, perspective=False, width=SIZE, height=SIZE)
+    camera, matrix = turntable(volume, *VIEW, perspective=False)
     scene = Scene(volume, function, camera, SIZE, SIZE, matrix, **LIGHTS[light])
     if scene.headlight:
         return scene

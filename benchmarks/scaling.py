@@ -96,7 +96,7 @@ def _scenes(volume, series, n, size) -> list[Scene]:
     fit = 1.25 if series == "scaled" else 1.25 * SMALLEST / n
     scenes = []
     for view in VIEWS:
-        camera, matrix = turntable(volume, *view, fit=fit, width=size, height=size)
+        camera, matrix = turntable(volume, *view, fit=fit)
         scenes.append(Scene(volume, tf, camera, size, size, matrix, headlight=False))
     return scenes
 

@@ -157,7 +157,7 @@ def scene_of(subject: Subject, size: int) -> Scene:
     )[0]  # fmt: skip
     if function.shade is None:
         function = replace(function, shade=Shade())
-    camera, matrix = turntable(volume, *subject.view, subject.fit, True, 25.0, size, size)
+    camera, matrix = turntable(volume, *subject.view, subject.fit, True, 25.0)
     sun = Light(energy=ENERGY, matrix_world=shining(camera.matrix_world[:3, :3] @ LAMP))
     return Scene(
         volume, function, camera, size, size, matrix, lights=(sun,), headlight=False, volume_shadows=True,

@@ -28,7 +28,7 @@ def main(arguments) -> int:
         if options.volume and name not in options.volume:
             continue
         size = (options.size, options.size)
-        camera, matrix = turntable(volume, *VIEW, perspective=options.perspective, width=size[0], height=size[1])
+        camera, matrix = turntable(volume, *VIEW, perspective=options.perspective)
         scene = Scene(volume, tf, camera, *size, volume_matrix=matrix, headlight=not options.no_shading)
         reports[name] = compare(scene, quality, options.system, options.probes, options.repeats)
         print(f"{name}, {options.quality}: " + "\n".join(table_lines(reports[name])) + "\n", flush=True)

@@ -43,7 +43,7 @@ def wall_scene(what: str, thickness: int, sun=SUN, **more) -> Scene:
     matt = Shade(0.0, 1.0, 0.0, 1.0)
     opacity = ((0.3, 0.0), (0.7, OPAQUE[what]))
     function = TransferFunction(what, None, opacity, ((0.0, 1.0, 1.0, 1.0),), 1.0, matt)
-    camera, matrix = turntable(volume, 0.0, elevation, perspective=False, width=SIZE, height=SIZE)
+    camera, matrix = turntable(volume, 0.0, elevation, perspective=False)
     lamp = Light("SUN", energy=3.0, matrix_world=shining(-sun))
     return Scene(volume, function, camera, SIZE, SIZE, matrix, headlight=False, lights=(lamp,), **more)
 

@@ -68,7 +68,7 @@ class Case:
 
 def _seen(volume, function, view, size, perspective: bool, **more) -> Scene:
     width, height = size
-    camera, matrix = turntable(volume, *view, perspective=perspective, width=width, height=height)
+    camera, matrix = turntable(volume, *view, perspective=perspective)
     return Scene(volume, function, camera, width, height, matrix, **more)
 
 

@@ -1,13 +1,14 @@
-"""Clear Cache: delete the compiled kernels."""
+"""Clear Cache: delete the compiled kernels and the thumbnails."""
 
 import bpy
 
 from ..bridge.data import preferences
+from ..bridge.look import thumbnails
 from ..rle_splat.runtime.memory import bytes_text
 
 
 class RLE_SPLAT_OT_clear_kernels(bpy.types.Operator):
-    """Delete the compiled code on disk. It is compiled again when it is needed next"""
+    """Delete the compiled code and the thumbnails of scans on disk. They are made again when they are needed next"""
 
     bl_idname = "rle_splat.clear_kernels"
     bl_label = "Clear Cache"
@@ -17,5 +18,6 @@ class RLE_SPLAT_OT_clear_kernels(bpy.types.Operator):
         return context.window_manager.invoke_confirm(self, event)
 
     def execute(self, _context):
-        self.report({"INFO"}, f"Deleted {bytes_text(preferences.clear_kernels())} of compiled code.")
+        deleted = thumbnails.delete_files() + preferences.clear_kernels()
+        self.report({"INFO"}, f"Deleted {bytes_text(deleted)} of compiled code and thumbnails.")
         return {"FINISHED"}

@@ -242,6 +242,17 @@ def file_folder() -> Path:
     return cache_folder() / FOLDER
 
 
+def delete_files() -> int:
+    """Delete the thumbnails on disk, which show patients, and return their bytes."""
+    deleted = 0
+    for file in file_folder().glob("*.npz"):
+        with suppress(OSError):
+            size = file.stat().st_size
+            file.unlink()
+            deleted += size
+    return deleted
+
+
 def load_file(key: str) -> np.ndarray | None:
     """A thumbnail that was kept on disk; its file is named by a hash of voxels and transfer function.
 

@@ -10,7 +10,7 @@ from .metrics import LEVEL
 PROBES = 1000  # by default
 TRUTH_TOLERANCE = 1e-7  # of the truth at probes: far below a level, 1/255
 LIT_TOLERANCE = 1e-4  # the same with light at every point, which takes long: a fortieth of a level
-# -ln(0.05): where none of n independent probes fails, at 95 % confidence at most this many in n pixels do.
+# -ln(0.05): where none of n independent probes fails, at 95% confidence at most this many in n pixels do.
 RULE_OF_THREE = 3.0
 STEEP_SHARE = 0.25  # of the probes are the steepest pixels
 
@@ -134,7 +134,7 @@ def _summary(errors: np.ndarray, tolerance: float) -> dict:
 
 
 def share_above(failed: int, count: int) -> float:
-    """The largest fraction of pixels that exceeds a tolerance, at 95 % confidence.
+    """The largest fraction of pixels that exceeds a tolerance, at 95% confidence.
 
     The rule of three where no probe failed, else the share at which the binomial sum falls to 5 %.  Both hold for
     probes drawn from the cells of a grid too: for a given mean over the cells, the probability that all probes pass is
@@ -164,6 +164,6 @@ def statement(failed: int, count: int, tolerance: float) -> str:
     how_many = f"{failed} of {count}" if failed else f"None of {count}"
     return (
         f"{how_many} random sample pixels {'differ' if failed > 1 else 'differs'} from the reference by more than "
-        f"{tolerance:g}/255: at 95 % confidence at most "
+        f"{tolerance:g}/255: at 95% confidence at most "
         f"{share_above(failed, count):.2%} of the pixels do."
     )

@@ -68,7 +68,7 @@ _ROWS = (
     Preset("smoke", "Smoke", "SMOKE", "gray smoke from thin to dense"),
     Preset("pet", "PET", "PT", "uptake in inverted gray, black from SUV 10 on, for a white background"),
     Preset("pet-hot", "PET Hot", "PT", "uptake above SUV 1.5 from dark red to yellow, over a CT or a dark background"),
-    Preset("isodose", "Isodose", "RTDOSE", "steps of a dose at 30, 50, 70, 80, 90 and 95 % of its maximum"),
+    Preset("isodose", "Isodose", "RTDOSE", "steps of a dose at 30, 50, 70, 80, 90 and 95% of its maximum"),
 )
 PRESETS = {row.name: row for row in _ROWS}
 

@@ -54,7 +54,7 @@ def add_mixing_options(parser) -> None:
         "--keep-table",
         action="store_true",
         help="show the table or the head holder of a CT; without this, --labels, --transfer-function or --tolerance "
-        "it is hidden if at least 0.6 %% of the voxels shown lie beside the body",
+        "it is hidden if at least 0.6%% of the voxels shown lie beside the body",
     )
 
 

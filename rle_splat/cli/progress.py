@@ -53,7 +53,7 @@ class ProgressLine:
         if message == self._message and now - self._time < REDRAW_INTERVAL:
             return
         self._message, self._time = message, now
-        self._draw(message if fraction is None else f"{100.0 * fraction:3.0f} %  {message}")
+        self._draw(message if fraction is None else f"{100.0 * fraction:3.0f}%  {message}")
 
     def follow(self, steps, start: float = 0.0):
         """Run a generator of Progress to its end and show each step; return the generator's result.

@@ -92,8 +92,7 @@ def place(args, volume, camera, matrix):
         return camera, matrix
     given = {name: getattr(args, name) for name in TURNTABLE_DEFAULTS}
     view = {name: TURNTABLE_DEFAULTS[name] if value is None else value for name, value in given.items()}
-    width, height = args.size
-    camera, unrotated = turntable(volume, **view, width=width, height=height, scene_scale=args.scene_scale)
+    camera, unrotated = turntable(volume, **view, scene_scale=args.scene_scale)
     middle = turntable_aim(volume, unrotated, args.scene_scale)
     shift = np.eye(4)
     shift[:3, 3] = (matrix @ (*middle, 1.0))[:3] - middle

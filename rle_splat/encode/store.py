@@ -32,7 +32,7 @@ def save(path, stored: StoredVolume) -> None:
     ----------
     path : str or Path
     stored : StoredVolume
-        Of pre-classified voxels.
+        Pre-classified voxels.
 
     Raises
     ------

@@ -98,7 +98,7 @@ class PresetPlan:
         text = f"{LAYERS[rule.partition('-')[0]]} ({rule}), pixel density {density:g}"
         if rays == NO_RAYS:
             return text
-        where = "wherever something is seen" if rays <= UNLIMITED else f"where neighbors differ by {100.0 * rays:.0f} %"
+        where = "wherever something is seen" if rays <= UNLIMITED else f"where neighbors differ by {100.0 * rays:.0f}%"
         return f"{text} and exact pixels {where}"
 
 

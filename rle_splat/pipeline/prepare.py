@@ -200,9 +200,7 @@ def _scene(picture: SyntheticPicture, volume: Volume) -> Scene:
     and ambient occlusion, which they block at the nodes of its grid.
     """
     words = picture.scene.split()
-    camera, matrix = turntable(
-        volume, picture.azimuth, picture.elevation, perspective=picture.perspective, width=WIDTH, height=HEIGHT
-    )
+    camera, matrix = turntable(volume, picture.azimuth, picture.elevation, perspective=picture.perspective)
     function, _ = default_transfer_function(volume)
     if "unlit" in words:
         function = replace(function, shade=None)

@@ -91,7 +91,7 @@ def _front(volume: Volume):
     angles = dict(azimuth=ASIDE * (width < FLAT * height), elevation=ASIDE * (height < FLAT * width))
     seen = max(_measure_box(volume, *turntable(volume, **angles)))
     longest = float((np.array(volume.shape_xyz) * volume.spacing).max())
-    return turntable(volume, fit=ROOM * seen / longest, width=SIDE, height=SIDE, **angles)
+    return turntable(volume, fit=ROOM * seen / longest, **angles)
 
 
 def _measure_box(volume: Volume, camera, matrix) -> np.ndarray:

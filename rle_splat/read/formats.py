@@ -219,16 +219,18 @@ def read_volume(path, **options) -> Volume:
     value_unit, modality : str
         Such as "HU" and "CT".
     frame : int
-        Of a time series, in one file or in files such as smoke_0001.vdb: the time point, from 1.
+        Time point to read, starting at 1, of a time series in one file or in files such as smoke_0001.vdb.
     level : int
         Of OME-Zarr the level of the pyramid, 0 for the finest, by default the finest that fits into memory. Of other
         formats every 2^level-th voxel along each axis is read, by default all.
     shape, dtype, byte_order, header_bytes
-        Of raw voxels: (nx, ny, nz), such as "uint16", "little" or "big", and the bytes before the first voxel.
+        Layout of raw voxels: (nx, ny, nz), a type such as "uint16", "little" or "big", and the bytes before the first
+        voxel.
     grid : str
-        Of OpenVDB: name of a grid.
+        Name of the grid to read from an OpenVDB file.
     series, series_key
-        Of several DICOM series: the number of one, from 1, or the ``Volume.series`` of one that was read before.
+        Which series to read if a folder holds several: its number, starting at 1, or the ``Volume.series`` of one that
+        was read before.
     scratch, quick
         Of OME-Zarr: a file to which the voxels are written and from which they are mapped; whether the level is read
         at once.

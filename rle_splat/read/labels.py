@@ -32,7 +32,7 @@ def read_labels(path, volume: Volume, frame: int = 1) -> Volume:
     volume : Volume
         The scan.
     frame : int
-        Of a map that changes with time, from 1.
+        Time point, starting at 1, of a map that changes with time.
 
     Returns
     -------
@@ -56,7 +56,7 @@ def read_label_steps(path, volume: Volume, frame: int = 1):
         A file of a known format, or a folder of masks. A raw file is read with the shape of the volume, and an
         RTSTRUCT on its grid.
     frame : int
-        Of a map that changes with time, from 1.
+        Time point, starting at 1, of a map that changes with time.
 
     Returns
     -------

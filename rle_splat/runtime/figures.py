@@ -19,7 +19,7 @@ def percent_text(share: float) -> str:
     """A share from 0 to 1 in percent; neither 0 nor 100 unless it is."""
     percent = 100.0 * share
     if 0.0 < percent < 0.1:
-        return "< 0.1 %"
+        return "< 0.1%"
     if 99.0 < percent < 100.0:
-        return "> 99 %"
-    return f"{percent:.0f} %" if percent >= 10.0 or percent == 0.0 else f"{percent:.1f} %"
+        return "> 99%"
+    return f"{percent:.0f}%" if percent >= 10.0 or percent == 0.0 else f"{percent:.1f}%"

@@ -184,7 +184,7 @@ class Quality:
         voxels and interpolates the result, as the paper does. "post" shows the box spanned by the voxel centers; "pre"
         extends beyond it by the footprints of the outer voxels.
     refinement : int, optional
-        Of the classification "refined" of earlier versions, for which "post" is used with a warning; without effect.
+        Without effect; a setting of earlier versions.
     depth_rule : str or None
         How opacity and color are integrated between slices: "slice", "slice-2" (every second slice), "simpson",
         "gauss2", "midpoint-M" with M from 1 to 64, or, with "post", "preintegrated" or "preintegrated-M" with M to 8.
@@ -215,7 +215,7 @@ class Quality:
     threads : int
         Number of threads; 0 for one per core.
     backend : str, optional
-        Of earlier versions; without effect, with a warning.
+        Without effect; gives a warning. A setting of earlier versions.
     name : str
         Name of the preset, for reports.
     exact_light : bool

@@ -10,7 +10,7 @@ TURN_STEPS = 72  # directions from which a turning camera is checked
 
 def turntable(
     volume: Volume, azimuth: float = 0.0, elevation: float = 0.0, fit: float = 1.25, perspective: bool = False,
-    fov: float = 40.0, width: int = 512, height: int = 512, scene_scale: float = 1.0,
+    fov: float = 40.0, scene_scale: float = 1.0,
 ) -> tuple[Camera, np.ndarray]:  # fmt: skip
     """Make a camera that looks at the center of a volume.
 
@@ -25,8 +25,6 @@ def turntable(
         In perspective, the plane through the center of the box of voxel centers fills that height.
     fov : float
         Vertical field of view in degrees, for perspective.
-    width, height : int
-        Not used: the height of the view does not depend on the picture, whose size the Scene has.
     scene_scale : float
         World units per unit of the volume.
 

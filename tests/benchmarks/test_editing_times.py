@@ -38,7 +38,7 @@ def classification(request):
 @pytest.fixture(scope="module")
 def rows(classification):
     ((_, volume, tf),) = editing.volumes(["shells"], 48)
-    camera, matrix = turntable(volume, *editing.VIEW, width=24, height=24)
+    camera, matrix = turntable(volume, *editing.VIEW)
     scene = Scene(volume, tf, camera, 24, 24, matrix, headlight=True)
     quality = Quality.preset("draft", classification=classification, threads=1)
     return {row["edit"]: row for row in editing.measure(scene, quality, edits=3)}

@@ -38,7 +38,7 @@ def pictures(core):
     function = core("classify.transfer_function").TransferFunction(
         opacity=((20.0, 0.0), (250.0, 0.7)), color=((0.0, 0.9, 0.3, 0.1), (255.0, 0.1, 0.4, 1.0))
     )
-    camera, matrix = core("view.turntable").turntable(volume, 37.0, 24.0, 1.0, True, 50.0, 61, 47)
+    camera, matrix = core("view.turntable").turntable(volume, 37.0, 24.0, 1.0, True, 50.0)
     render = core("pipeline.render").render
     shown = scene.Scene(volume, function, camera, 61, 47, volume_matrix=matrix)
     fast = render(shown, scene.Quality()).rgba

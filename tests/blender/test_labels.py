@@ -171,3 +171,16 @@ def test_an_import_shows_the_segments_beside_the_scan(size, hides, addon, tmp_pa
     assert bpy.ops.rle_splat.import_volume(filepath=str(tmp_path / "ct.nii.gz"), use_segments=True) == {"FINISHED"}
     assert not bpy.context.view_layer.objects.active.rle_splat.labels
     assert "Several segmentations lie beside the scan (ct_label.nii.gz, ct_seg.nii.gz)" in capfd.readouterr().out
+
+
+def test_a_segment_fades_out_by_keyframes(owner):
+    bpy.ops.rle_splat.read_labels()
+    row, scene = owner.rle_splat.labels[1], bpy.context.scene
+    for frame, opacity in ((1, 1.0), (10, 0.0)):
+        row.opacity = opacity
+        row.keyframe_insert("opacity", frame=frame)
+    shown = []
+    for frame in (1, 10):
+        scene.frame_set(frame)
+        shown.append(scenes.picture()[20:28, column_of(0.5), 3].max())
+    assert shown[1] < 0.01 < 0.3 < shown[0]

@@ -292,16 +292,17 @@ def test_an_import_opens_or_closes_the_eyes_of_the_windows_viewports(volume_obje
 
 
 def test_the_cache_of_kernels_is_measured_and_cleared(bridge, monkeypatch, tmp_path):
-    cache = bridge("data.preferences")
-    used, other = tmp_path / "kernels-1", tmp_path / "kernels-2"
-    for folder in (used, other):
+    cache, thumbnails = bridge("data.preferences"), bridge("look.thumbnails")
+    used, other, shown = (tmp_path / name for name in ("kernels-1", "kernels-2", thumbnails.FOLDER))
+    for folder in (used, other, shown):
         folder.mkdir()
-        (folder / "a.nbc").write_bytes(b"x" * 100)
+        (folder / ("a.npz" if folder == shown else "a.nbc")).write_bytes(b"x" * 100)
     (tmp_path / "other.log").write_bytes(b"y")
     monkeypatch.setattr(cache, "KERNELS", used)
-    monkeypatch.setattr(cache, "cache_folder", lambda: tmp_path)
+    for module in (cache, thumbnails):
+        monkeypatch.setattr(module, "cache_folder", lambda: tmp_path)
     monkeypatch.setattr(cache._FolderSize, "at", -cache.FRESH)
-    assert cache.kernels_size() == 201
+    assert cache.kernels_size() == 301
     assert bpy.ops.rle_splat.clear_kernels() == {"FINISHED"}
     assert cache.kernels_size() == 1 and used.is_dir() and not other.exists()
 

@@ -40,7 +40,7 @@ def test_errors_are_those_of_the_picture(measured, raw, shape_xyz, function_file
     entry = next(plan for plan in report["plans"] if plan["chosen"])
     assert entry["name"] == report["chosen"] == "standard" and f">{entry['name']}" in out
     volume = rle_splat.read_volume(raw, shape=shape_xyz, dtype="uint8")
-    camera, matrix = rle_splat.turntable(volume, 35.0, -20.0, width=40, height=30)
+    camera, matrix = rle_splat.turntable(volume, 35.0, -20.0)
     function = rle_splat.TransferFunction.from_json(function_file)
     scene = rle_splat.Scene(volume, function, camera, 40, 30, volume_matrix=matrix)
     rendering = rle_splat.render(scene, rle_splat.Quality.preset("standard"))

@@ -35,7 +35,7 @@ def picture(call, tmp_path, raw, raw_options, function_file):
 def test_render_is_the_python_interface(picture, raw, shape_xyz, function_file):
     rgba, _ = picture("--azimuth", "35", "--elevation", "-20", "--fit", "1.1", "--spacing", "1", "1", "1.5")
     volume = rle_splat.read_volume(raw, shape=shape_xyz, dtype="uint8", spacing=(1, 1, 1.5))
-    camera, matrix = rle_splat.turntable(volume, 35.0, -20.0, 1.1, width=40, height=30)
+    camera, matrix = rle_splat.turntable(volume, 35.0, -20.0, 1.1)
     function = rle_splat.TransferFunction.from_json(function_file)
     scene = rle_splat.Scene(volume, function, camera, 40, 30, volume_matrix=matrix)
     expected = rle_splat.render(scene, rle_splat.Quality.preset("standard"))
@@ -94,7 +94,7 @@ def test_the_report_has_every_key(picture, shape_xyz):
 def test_a_camera_file_with_the_turntables_camera(picture, write_json, raw, shape_xyz):
     rgba, _ = picture("--azimuth", "50", "--perspective", "--fov", "30", "--no-headlight")
     volume = rle_splat.read_volume(raw, shape=shape_xyz, dtype="uint8")
-    camera, _ = rle_splat.turntable(volume, 50.0, perspective=True, fov=30.0, width=40, height=30)
+    camera, _ = rle_splat.turntable(volume, 50.0, perspective=True, fov=30.0)
     described = {name: getattr(camera, name) for name in camera.__dataclass_fields__}
     described["matrix_world"] = camera.matrix_world.tolist()
     same, _ = picture("--camera", write_json(described, "camera.json"))  # no headlight unless it is asked for

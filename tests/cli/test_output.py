@@ -130,7 +130,7 @@ def test_progress_is_one_line_that_clears_itself():
         line.show(0.25, "splatting")
         line.show(None, "warp")
     text = stream.getvalue()
-    assert "25 %  splatting" in text and "\n" not in text
+    assert "25%  splatting" in text and "\n" not in text
     screen = ""
     for piece in text.split("\r"):  # what a terminal would show: each piece overwrites from the left
         screen = piece + screen[len(piece) :]

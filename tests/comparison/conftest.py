@@ -27,7 +27,7 @@ class Stand:
         voxels = np.asarray(field)
         voxels = voxels.astype(np.float32) if voxels.dtype == np.float64 else voxels
         volume = Volume(voxels, np.diag((*spacing, 1.0)))
-        camera, matrix = turntable(volume, azimuth, elevation, fit, perspective, 40.0, *size)
+        camera, matrix = turntable(volume, azimuth, elevation, fit, perspective, 40.0)
         function = function or OPACITY_IS_VALUE
         return Scene(volume, function, camera, *size, volume_matrix=matrix, **({"headlight": False} | more))
 

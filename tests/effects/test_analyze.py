@@ -29,7 +29,7 @@ BEHIND = BEFORE + (0.0, 200.0, 0.0)
 
 
 def scene_of(**more) -> Scene:
-    camera, matrix = turntable(VOLUME, 25.0, 15.0, 1.2, True, 40.0, SIZE, SIZE)
+    camera, matrix = turntable(VOLUME, 25.0, 15.0, 1.2, True, 40.0)
     return Scene(**{
         "volume": VOLUME, "transfer_function": FUNCTION, "camera": camera, "width": SIZE, "height": SIZE,
         "volume_matrix": matrix, **more,

@@ -58,7 +58,7 @@ WHOLE: dict = {}  # counts of scenes of which nothing is cut away
 def scene_of(perspective, *clips) -> Scene:
     z, y, x = np.indices((N, N, N))
     full = Volume((0.6 + 0.4 * np.sin(0.3 * (x + 2 * y - z))).astype(np.float32), np.eye(4))
-    camera, matrix = turntable(full, 12.0, 8.0, 1.25, perspective, 30.0, 160, 160)
+    camera, matrix = turntable(full, 12.0, 8.0, 1.25, perspective, 30.0)
     return Scene(full, THIN, camera, 160, 160, matrix, headlight=False, clips=clips)
 
 

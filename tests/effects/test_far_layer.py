@@ -23,7 +23,7 @@ MESH = np.array([
 
 def scene_of(perspective, **more):
     volume = Volume(np.random.default_rng(5).random((22, 20, 18), np.float32), np.eye(4))
-    camera, matrix = turntable(volume, 30.0, 20.0, perspective=perspective, width=90, height=80)
+    camera, matrix = turntable(volume, 30.0, 20.0, perspective=perspective)
     return Scene(volume, FUNCTION, camera, 90, 80, matrix, triangles=MESH, **more)
 
 

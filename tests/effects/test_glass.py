@@ -28,7 +28,7 @@ GREEN = (0.4, 0.9, 0.5, 1.0)
 
 
 def scene_of(function=DENSE, perspective=True, **more):
-    camera, matrix = turntable(BALL, 25.0, 15.0, 1.2, perspective, 40.0, *SIZE)
+    camera, matrix = turntable(BALL, 25.0, 15.0, 1.2, perspective, 40.0)
     return Scene(BALL, function, camera, *SIZE, matrix, **more)
 
 

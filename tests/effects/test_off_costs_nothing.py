@@ -45,7 +45,7 @@ LIT_KERNELS = {"pre": {"volume.gradient"}, "post": {"shade.surface_normals", "sh
 
 
 def scene_of(azimuth=25.0, **more) -> Scene:
-    camera, matrix = turntable(VOLUME, azimuth, 15.0, 1.2, False, 40.0, SIZE, SIZE)
+    camera, matrix = turntable(VOLUME, azimuth, 15.0, 1.2, False, 40.0)
     return Scene(**{
         "volume": VOLUME, "transfer_function": FUNCTION, "camera": camera, "width": SIZE, "height": SIZE,
         "volume_matrix": matrix, "headlight": False, **more,

@@ -26,7 +26,7 @@ REACH = 5  # pixels on either side of a silhouette that the warp may mix
 def scene_of(perspective=True, **more):
     width, height = SIZE
     volume = Volume(np.random.default_rng(5).random((14, 13, 12), np.float32), np.eye(4))
-    camera, matrix = turntable(volume, 30.0, 20.0, perspective=perspective, width=width, height=height)
+    camera, matrix = turntable(volume, 30.0, 20.0, perspective=perspective)
     return Scene(volume, FUNCTION, camera, width, height, matrix, **more)
 
 

@@ -38,7 +38,7 @@ class Drawing:
         volume = two_balls() if volume is None else volume
         width, height = tile_size(style or self.style, count)
         scale = more.pop("scene_scale", 1.0)
-        camera, matrix = turntable(volume, width=width, height=height, scene_scale=scale, **(view or {}))
+        camera, matrix = turntable(volume, scene_scale=scale, **(view or {}))
         return Scene(volume, function, camera, width, height, **{"volume_matrix": matrix, "scene_scale": scale, **more})
 
     def made(self, *scenes, style=None, titles=None):

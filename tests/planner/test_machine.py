@@ -36,7 +36,7 @@ def scene_of(steepness: float, size: int = 40) -> Scene:
     z, y, x = np.meshgrid(*(np.linspace(-1.0, 1.0, 24),) * 3, indexing="ij")
     field = np.clip(0.5 + steepness * (0.7 - np.sqrt(x**2 + 0.8 * y**2 + 1.2 * z**2)), 0.0, 1.0)
     volume = Volume(field.astype(np.float32), np.eye(4))
-    camera, matrix = turntable(volume, 28.0, 17.0, width=size, height=size)
+    camera, matrix = turntable(volume, 28.0, 17.0)
     function = TransferFunction(opacity=((0.2, 0.0), (0.8, 0.6)), color=COLORS)
     return Scene(volume, function, camera, size, size, matrix)
 

@@ -28,7 +28,7 @@ def scene():
     function = TransferFunction(
         "test", None, ((0.0, 0.0), (1.0, 1.0)), ((0.0, 0.9, 0.3, 0.1), (0.4, 0.1, 0.3, 1.0)), 1.0, None
     )
-    camera, matrix = turntable(volume, 35.0, 25.0, perspective=True, width=30, height=24)
+    camera, matrix = turntable(volume, 35.0, 25.0, perspective=True)
     return Scene(volume, function, camera, 30, 24, matrix, headlight=False)
 
 

@@ -39,7 +39,7 @@ def thin():
 
 
 def scene_of(volume, function, azimuth=35.0, fit=1.1, perspective=False, size=64, **fields):
-    camera, matrix = turntable(volume, azimuth, 25.0, fit, perspective, 40.0, size, size)
+    camera, matrix = turntable(volume, azimuth, 25.0, fit, perspective, 40.0)
     return Scene(volume, function, camera, size, size, matrix, **fields)
 
 

@@ -43,7 +43,7 @@ def knot(size: int = 24) -> Volume:
 
 def scene_of(function: str, perspective: bool, size: int = 40, **more) -> Scene:
     volume = knot()
-    camera, matrix = turntable(volume, 28.0, 17.0, 1.1, perspective, 45.0, size, size)
+    camera, matrix = turntable(volume, 28.0, 17.0, 1.1, perspective, 45.0)
     return Scene(volume, FUNCTIONS[function], camera, size, size, matrix, headlight=True, **more)
 
 

@@ -24,7 +24,7 @@ SUN = Light(type="SUN", energy=3.0)
 
 
 def scene_of(**more) -> Scene:
-    camera, matrix = turntable(VOLUME, 28.0, 17.0, 1.1, True, 45.0, SIZE, SIZE)
+    camera, matrix = turntable(VOLUME, 28.0, 17.0, 1.1, True, 45.0)
     return Scene(**{
         "volume": VOLUME, "transfer_function": FUNCTION, "camera": camera, "width": SIZE, "height": SIZE,
         "volume_matrix": matrix, "headlight": True, **more,

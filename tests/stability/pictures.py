@@ -29,7 +29,7 @@ def scene(name: str) -> tuple[Scene, Quality]:
     """One of SCENES: what it shows, and how well."""
     voxels = np.rint(255.0 * FIELDS["smooth"](20)[:, :17, :14]).astype(np.uint8)
     volume = Volume(voxels, np.diag((1.0, 1.1, 0.9, 1.0)))
-    camera, matrix = turntable(volume, 37.0, 24.0, 1.0, name != "parallel", 50.0, *SIZE)
+    camera, matrix = turntable(volume, 37.0, 24.0, 1.0, name != "parallel", 50.0)
     quality = Quality(classification="pre")
     if name == "inside":
         place = np.eye(4)

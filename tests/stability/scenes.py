@@ -78,7 +78,7 @@ def unlike(one, two) -> int:
 
 
 def turned(volume, transfer_function, size=40, **more) -> Scene:
-    camera, matrix = turntable(volume, 35.0, 25.0, width=size, height=size)
+    camera, matrix = turntable(volume, 35.0, 25.0)
     return Scene(volume, transfer_function, camera, size, size, matrix, **more)
 
 

@@ -114,7 +114,7 @@ def test_S1_random_masks_in_canonical_form(record, seed, axis, way):
 )
 def test_S2_flat_thin_and_prime_sizes_equal_the_oracle(record, shape):
     voxels = np.random.default_rng(8).integers(100, 256, shape).astype(np.uint8)
-    camera, matrix = turntable(Volume(voxels, np.eye(4)), 35, 25, width=32, height=32)
+    camera, matrix = turntable(Volume(voxels, np.eye(4)), 35, 25)
     scene = Scene(Volume(voxels, np.eye(4)), FAINT, camera, 32, 32, matrix, headlight=False)
     true = truth(scene, "T1", tolerance=1e-6)[0].reshape(32, 32, 4)
     found = difference(render(scene, replace(FINE, sheet_density=8.0)).rgba, true)
@@ -159,7 +159,7 @@ def test_S3_a_checkerboard_has_one_run_per_voxel_and_the_empty_first(record, axi
 def test_S3_the_worst_runs_are_drawn_right(record, make, axis, view):
     """Against the truth, from within the block's outline, with four sheet pixels to a picture's."""
     volume = make(14)
-    camera, matrix = turntable(volume, *view, fit=0.5, width=32, height=32)
+    camera, matrix = turntable(volume, *view, fit=0.5)
     scene = Scene(volume, FAINT, camera, 32, 32, matrix, headlight=False)
     if make is checkerboard:
         tables = encode_scene(scene, QUALITY, (axis,)).axes[axis]

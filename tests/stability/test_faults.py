@@ -311,7 +311,7 @@ volume = Volume(noise, np.eye(4))
 tf = TransferFunction(opacity=((0, 0.01), (255, 0.02)), color=((0, 1, 0, 0), (255, 0, 0, 1)), shade=None)
 
 def shown(side):
-    camera, matrix = turntable(volume, 20, 10, width=side, height=side)
+    camera, matrix = turntable(volume, 20, 10)
     return Scene(volume, tf, camera, side, side, matrix, headlight=False)
 
 # How a picture ends whose process gets no more memory once it has come to a stage.

@@ -33,7 +33,7 @@ TABLES = {"records": ("pre", ()), "surface": ("post", (LAMP,))}  # -> classifica
 
 
 def view_of(volume, axis):
-    camera, matrix = turntable(volume, *VIEWS[axis], width=8, height=8)
+    camera, matrix = turntable(volume, *VIEWS[axis])
     return Scene(volume, TransferFunction.from_json(GOOD_FUNCTION), camera, 8, 8, matrix, headlight=False)
 
 

@@ -148,7 +148,7 @@ def test_C2_a_small_turn_makes_a_small_difference(record, plan, azimuth, perspec
 @pytest.mark.parametrize("perspective", (False, True), ids=("ortho", "perspective"))
 def test_C3_a_full_turn_in_steps_of_a_degree(record, plan, perspective):
     first, cache = STAGE.on_turntable(np.pad(BLOBS, 1), 0.0, 12.0, perspective, size=(32, 32)), StageCache()
-    views = (turntable(first.volume, float(a), 12.0, 1.25, perspective, 40.0, 32, 32) for a in range(360))
+    views = (turntable(first.volume, float(a), 12.0, 1.25, perspective, 40.0) for a in range(360))
     frames = [picture(replace(first, camera=camera, volume_matrix=matrix), plan, cache) for camera, matrix in views]
     steps = np.array([np.abs(frames[a] - frames[a - 1]).max() for a in range(360)])
     switches = np.array((45, 46, 135, 136, 225, 226, 315, 316))  # a frame at 45 degrees belongs to either

@@ -138,7 +138,7 @@ def first_picture(values, slope, intercept, dtype):
         voxels = np.array(values).reshape(2, 2, 2).astype(dtype)
     volume = Volume(voxels, np.eye(4), slope=slope, intercept=intercept)
     function, _ = default_transfer_function(volume)
-    camera, matrix = turntable(volume, 20, 10, width=8, height=8)
+    camera, matrix = turntable(volume, 20, 10)
     return render(Scene(volume, function, camera, 8, 8, matrix), Quality(threads=1, classification="pre"))
 
 
@@ -253,7 +253,7 @@ def lit(function=None, camera=None, lights=()):
 
 
 def small_picture(function=None, camera=None, lights=()):
-    scene_camera, matrix = turntable(VOLUME, 20, 10, width=8, height=8)
+    scene_camera, matrix = turntable(VOLUME, 20, 10)
     function = function or TransferFunction.from_json(GOOD_FUNCTION)
     scene = Scene(
         VOLUME,
@@ -389,7 +389,7 @@ def rle_damage(draw, whole):
 def rendered(stored):
     """The picture of what was read, by the reference implementation, which raises where kernels would read anywhere."""
     assert [tables.axis for tables in stored.axes.values()] == list(stored.principal_axes)
-    camera, matrix = turntable(stored, 20, 10, width=8, height=8)
+    camera, matrix = turntable(stored, 20, 10)
     scene = Scene(stored, None, camera, 8, 8, matrix, headlight=False)
     quality = Quality(
         classification="pre",

@@ -296,7 +296,7 @@ def test_P1_opacities_as_they_are_added_in_sheets_that_are_not_one_voxel_deep(re
     opaque."""
     volume = Volume(np.full((9, 9, 9), 100.0, np.float32), np.eye(4))
     function = TransferFunction("even", None, [(0.0, 0.05)], [(0.0, 1.0, 1.0, 1.0)], 1.0, None)
-    camera, matrix = turntable(volume, 20.0, 15.0, width=24, height=24)
+    camera, matrix = turntable(volume, 20.0, 15.0)
     scene = Scene(volume, function, camera, 24, 24, matrix, headlight=False)
     quality = Quality(classification="pre", model="opacity", length_correction=False, depth_rule=rule)
     kernels, reference = both(lambda: picture(scene, quality))

@@ -164,7 +164,7 @@ def test_P5_pictures_are_held_to_the_same_light_whatever_range_was_kept(record):
     for number in (8, 10, 21, 24, 32):
         random = np.random.default_rng(number)
         volume = Volume(stored(field_of("ramp", (10, 11, 12), random), "uint8"), np.eye(4))
-        camera, matrix = turntable(volume, 37.0 + 9.0 * number, 24.0, width=24, height=20)
+        camera, matrix = turntable(volume, 37.0 + 9.0 * number, 24.0)
         colors = (0.0, 1.0, 0.1, 0.1), (250.0, 1.0, 1.0, 1.0)
         wide, narrow = (
             TransferFunction("", None, ((low - 1, 0.0), (low, 0.9), (high, 0.9), (high + 1, 0.0)), colors)

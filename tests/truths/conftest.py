@@ -37,7 +37,7 @@ class Stage:
     def on_turntable(self, field, azimuth=35.0, elevation=25.0, perspective=False, size=(96, 96), fit=1.25, fov=40.0,
                      spacing=(1.0, 1.0, 1.0), **more) -> Scene:  # fmt: skip
         volume = self.volume(field, spacing=spacing)
-        camera, matrix = turntable(volume, azimuth, elevation, fit, perspective, fov, *size)
+        camera, matrix = turntable(volume, azimuth, elevation, fit, perspective, fov)
         return self.before(volume, camera, size, volume_matrix=matrix, **more)
 
     @staticmethod

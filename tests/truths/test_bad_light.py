@@ -38,7 +38,7 @@ def ball() -> np.ndarray:
 
 def scene_of(field, tf=None, **more) -> Scene:
     volume = Volume(np.asarray(field, np.float32), np.eye(4))
-    camera, matrix = turntable(volume, 30.0, 20.0, 1.2, width=32, height=32)
+    camera, matrix = turntable(volume, 30.0, 20.0, 1.2)
     return Scene(volume, tf or function(), camera, 32, 32, matrix, headlight=False, volume_shadows=True, **more)
 
 

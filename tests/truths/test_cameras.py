@@ -38,7 +38,7 @@ def test_turntable_sees_what_its_words_say(stage, perspective):
     for affine in (np.diag((*spacing, 1.0)), turned @ np.diag((*spacing, 1.0))):
         volume = stage.volume(np.zeros(shape[::-1]), affine)
         for azimuth, elevation, fit, fov in ((0, 0, 1.25, 40), (35, 25, 1.0, 60), (-130, -80, 2.0, 15)):
-            camera, matrix = turntable(volume, azimuth, elevation, fit, perspective, fov, 30, 20)
+            camera, matrix = turntable(volume, azimuth, elevation, fit, perspective, fov)
             scene = stage.before(volume, camera, (30, 20), volume_matrix=matrix)
             rays = camera_rays(camera, 30, 20)
             words, words_matrix = turntable_rays(shape, spacing, azimuth, elevation, fit, perspective, fov, 30, 20)

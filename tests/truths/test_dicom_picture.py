@@ -24,7 +24,7 @@ def whole() -> Volume:
 
 def picture(volume: Volume) -> np.ndarray:
     """(SIZE, SIZE, 4): a volume's bone by the camera of the whole head, shaded by a headlight."""
-    camera, matrix = turntable(whole(), width=SIZE, height=SIZE)
+    camera, matrix = turntable(whole())
     function, _ = fit_preset("ct-bone", volume)
     scene = Scene(volume, function, camera, SIZE, SIZE, matrix, headlight=True)
     # More single rays than usual: else a pixel at an edge is one for one order of the voxels and not for another.

@@ -47,7 +47,7 @@ FILES = {
 
 def picture(volume) -> np.ndarray:
     """(SIZE, SIZE, 4): the head from the front, its bone shaded by a headlight."""
-    camera, matrix = turntable(volume, width=SIZE, height=SIZE)
+    camera, matrix = turntable(volume)
     function, _ = fit_preset("ct-bone", volume)
     scene = Scene(volume, function, camera, SIZE, SIZE, matrix, headlight=True)
     return render(scene, Quality.preset("fine")).rgba

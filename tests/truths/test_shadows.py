@@ -33,7 +33,7 @@ EXTINCTION_IS_VALUE = TransferFunction(
 
 def scene_of(field, affine=None, lights=(), **more) -> Scene:
     volume = Volume(np.asarray(field, np.float32), np.eye(4) if affine is None else affine)
-    camera, _ = turntable(volume, 30, 20, 1.2, False, 40.0, 24, 24)
+    camera, _ = turntable(volume, 30, 20, 1.2, False, 40.0)
     usual = {"camera": camera, "transfer_function": EXTINCTION_IS_VALUE, "headlight": False, "volume_shadows": True}
     return Scene(volume, width=24, height=24, lights=tuple(lights), **(usual | more))
 
@@ -194,7 +194,7 @@ def test_shadows_do_not_depend_on_the_unit_of_length(scale):
         lights = [sun((1, 0.3, -0.5)), point(np.array((5.5, 4.2, 30.0)) * s, energy=s * s)]
         field = smooth((9, 10, 11), np.random.default_rng(1), 1.0)
         function = replace(EXTINCTION_IS_VALUE, opacity=((0.0, 0.0), (1.0, 0.5)))
-        camera, _ = turntable(Volume(field.astype(np.float32), np.eye(4)), width=24, height=24, scene_scale=s)
+        camera, _ = turntable(Volume(field.astype(np.float32), np.eye(4)), scene_scale=s)
         return scene_of(field, None, lights, transfer_function=function, camera=camera, scene_scale=s)
 
     usual, other = reaching(scene(1.0))[1], reaching(scene(scale))[1]
@@ -257,7 +257,7 @@ def test_a_mesh_shades_what_lies_behind_it_and_nothing_before_it():
 def test_a_mesh_wholly_behind_the_volume_shades_it_too(classification):
     """A wall between the volume and a sun that shines from behind and above."""
     volume = Volume(np.pad(np.full((5, 5, 5), 2.5, np.float32), 4), np.eye(4))
-    camera, matrix = turntable(volume, 30, 20, 1.2, False, 40.0, 24, 24)
+    camera, matrix = turntable(volume, 30, 20, 1.2, False, 40.0)
     right, up, back = camera.matrix_world[:3, :3].T
     corners = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, -1.0], [-1.0, 1.0]]) * 100.0
     wall = corners @ np.stack((right, up)) - 30.0 * back
@@ -495,7 +495,7 @@ def test_a_ball_with_an_opacity_step_is_lit_as_evenly_as_without_shadows(quality
     inside = np.clip(0.5 + 0.25 * (22.0 - np.linalg.norm(index, axis=-1)), 0.0, 1.0)
     step = TransferFunction("step", None, ((0.0, 0.0), (0.5, 0.0), (0.5, 0.8)), ((0.0, 1.0, 1.0, 1.0),), 1.0, MATT)
     volume = Volume(inside.astype(np.float32), np.eye(4))
-    camera, _ = turntable(volume, 25, 20, 0.8, False, 25.0, 240, 240)
+    camera, _ = turntable(volume, 25, 20, 0.8, False, 25.0)
     axes = camera.matrix_world[:3, :3]
     towards = axes @ (-0.35, 0.35, 0.87)
     lit = Scene(volume, step, camera, 240, 240, lights=(sun(-towards),), headlight=False, volume_shadows=True)

@@ -48,7 +48,7 @@ def picture(volume, camera) -> np.ndarray:
 def test_a_tilted_scan_gives_the_picture_of_a_fine_upright_one(name, azimuth, elevation):
     """Gradients included; the same voxels taken as upright give another picture, so the bound means something."""
     upright = sampled(*FINE)
-    camera, _ = turntable(upright, azimuth, elevation, width=SIZE, height=SIZE)
+    camera, _ = turntable(upright, azimuth, elevation)
     truth = picture(upright, camera)
     axes, counts = TILTED[name]
     tilted = sampled(axes, counts)

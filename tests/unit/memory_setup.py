@@ -31,7 +31,7 @@ def blobs(n=96, dtype=np.uint8):
 
 
 def scene_of(volume, size=64, function=FUNCTION, headlight=True):
-    camera, matrix = turntable(volume, 20, 10, width=size, height=size)
+    camera, matrix = turntable(volume, 20, 10)
     return Scene(volume, function, camera, size, size, matrix, headlight=headlight)
 
 

@@ -30,7 +30,7 @@ def speckled(shape):
 def two_pictures():
     """The one that is kept, and one that shares nothing with it but the voxels, from inside: three principal axes."""
     volume = Volume(speckled((18, 19, 20)), np.eye(4))
-    camera, matrix = turntable(volume, 20, 10, width=40, height=40)
+    camera, matrix = turntable(volume, 20, 10)
     first = Scene(volume, FUNCTION, camera, 40, 40, matrix)
     inside = np.eye(4)
     inside[:3, 3] = 9.2, 9.1, 8.9

@@ -37,7 +37,7 @@ def watch(monkeypatch):
 def scene_of(**more) -> Scene:
     volume = Volume(np.random.default_rng(3).integers(0, 255, (7, 8, 9)).astype(np.uint8), np.eye(4))
     tf = TransferFunction(opacity=((80.0, 0.0), (250.0, 0.5)), color=((0.0, 0.2, 0.5, 0.8),), shade=Shade())
-    camera, matrix = turntable(volume, 25.0, 15.0, width=8, height=8)
+    camera, matrix = turntable(volume, 25.0, 15.0)
     return Scene(volume, tf, camera, 8, 8, matrix, **more)
 
 

@@ -49,7 +49,7 @@ def scene_of(kind, **more):
         matrix[:3, 3] = 6.3, 7.1, 8.4
         camera, placed = Camera(matrix, lens=4.0, clip_start=1e-3), np.eye(4)
     else:
-        camera, placed = turntable(VOLUME, 37.0, 24.0, 0.9, kind == "perspective", 50.0, WIDTH, HEIGHT)
+        camera, placed = turntable(VOLUME, 37.0, 24.0, 0.9, kind == "perspective", 50.0)
     return Scene(VOLUME, FUNCTION, camera, WIDTH, HEIGHT, volume_matrix=placed, **more)
 
 
@@ -150,7 +150,7 @@ def test_random_crops_from_random_sides():
     rng = np.random.default_rng(5)
     for _ in range(8):
         camera, placed = turntable(
-            VOLUME, *rng.uniform(-180, 180, 2), rng.uniform(0.3, 1.4), bool(rng.integers(2)), 60.0, WIDTH, HEIGHT
+            VOLUME, *rng.uniform(-180, 180, 2), rng.uniform(0.3, 1.4), bool(rng.integers(2)), 60.0
         )
         scene = Scene(VOLUME, FUNCTION, camera, WIDTH, HEIGHT, volume_matrix=placed, triangles=TRIANGLES)
         left, top = rng.integers(0, (WIDTH, HEIGHT))
@@ -159,7 +159,7 @@ def test_random_crops_from_random_sides():
 
 
 def test_a_crop_beside_the_volume_is_empty_and_no_mistake():
-    scene = replace(scene_of("ortho"), camera=turntable(VOLUME, fit=4.0, width=WIDTH, height=HEIGHT)[0])
+    scene = replace(scene_of("ortho"), camera=turntable(VOLUME, fit=4.0)[0])
     part = render(replace(scene, crop=(0, 0, 8, 8)), Quality())
     assert not part.rgba.any() and (part.depth == np.float32(1e10)).all()
     assert part.report["plan"]["base_planes"] == []

@@ -27,7 +27,7 @@ VIEWS = {0: (90.0, 10.0), 1: (5.0, 10.0), 2: (20.0, 80.0)}  # principal axis -> 
 
 def picture(name, axis, classification="pre"):
     stored = load(DATA / name)
-    camera, matrix = turntable(stored, *VIEWS[axis], width=24, height=24)
+    camera, matrix = turntable(stored, *VIEWS[axis])
     function = None if classification == "pre" else TransferFunction.from_json(stored.transfer_function)
     scene = Scene(stored, function, camera, 24, 24, matrix, headlight=False)
     return stored, render(scene, Quality(classification=classification, record=stored.record)).rgba
@@ -51,7 +51,7 @@ def test_a_file_of_version_0_1_0_makes_the_picture_of_its_volume(axis):
     radius = np.sqrt(((z - 4.5) / 4.5) ** 2 + ((y - 3.5) / 3.5) ** 2 + ((x - 4.0) / 4.0) ** 2)
     ball = Volume(np.clip(255.0 * (1.25 - radius), 0.0, 255.0).astype(np.uint8), np.eye(4))
     stored, rgba = picture("0_1_0.rle", axis)
-    camera, matrix = turntable(ball, *VIEWS[axis], width=24, height=24)
+    camera, matrix = turntable(ball, *VIEWS[axis])
     function = TransferFunction.from_json(stored.transfer_function)
     today = render(Scene(ball, function, camera, 24, 24, matrix, headlight=False), Quality(classification="pre"))
     assert rgba[..., 3].max() > 0.9 and 255.0 * np.abs(rgba - today.rgba).max() < 0.01

@@ -37,7 +37,7 @@ BALL = ball()
 
 
 def scene(azimuth=20, function=FUNCTION, lights=(), headlight=False, volume=BALL):
-    camera, matrix = turntable(volume, azimuth, 10, width=40, height=40)
+    camera, matrix = turntable(volume, azimuth, 10)
     return Scene(volume, function, camera, 40, 40, matrix, lights=lights, headlight=headlight)
 
 

@@ -14,8 +14,8 @@ def test_two_significant_digits_without_an_exponent(value, text):
 
 
 @pytest.mark.parametrize("share, text", [
-    (0.0, "0 %"), (1e-6, "< 0.1 %"), (0.004, "0.4 %"), (0.0123, "1.2 %"), (0.1234, "12 %"), (0.5, "50 %"),
-    (0.998, "> 99 %"), (1.0, "100 %"),
+    (0.0, "0%"), (1e-6, "< 0.1%"), (0.004, "0.4%"), (0.0123, "1.2%"), (0.1234, "12%"), (0.5, "50%"),
+    (0.998, "> 99%"), (1.0, "100%"),
 ])  # fmt: skip
 def test_shares_in_percent_are_neither_none_nor_all_unless_they_are(share, text):
     assert percent_text(share) == text

@@ -31,12 +31,12 @@ from rle_splat.volume.volume import Volume
 
 voxels = np.random.default_rng(0).integers(0, 255, (20, 18, 16)).astype(np.uint8)
 volume, cache = Volume(voxels, np.eye(4)), StageCache()
-camera, matrix = turntable(volume, 20, 10, width=24, height=24)
+camera, matrix = turntable(volume, 20, 10)
 tf = TransferFunction(opacity=((80, 0.0), (250, 0.6)), color=((0, 0.2, 0.4, 0.8),))
 scene = Scene(volume, tf, camera, 24, 24, matrix, headlight=True)
 for edited in (
     scene,
-    replace(scene, camera=turntable(volume, 24, 10, width=24, height=24)[0]),
+    replace(scene, camera=turntable(volume, 24, 10)[0]),
     replace(scene, lights=(Light("SUN"),)),
     replace(scene, transfer_function=replace(tf, opacity=((60, 0.0), (250, 0.6)))),
     replace(scene, transfer_function=replace(tf, shade=Shade(specular=0.0))),
@@ -88,7 +88,7 @@ function, _ = default_transfer_function(volume)
 ends = np.full((60, 80), np.inf, np.float32)
 ends[20:30, 20:30] = 50.0
 for azimuth, elevation in json.loads(sys.argv[2]):
-    camera, matrix = turntable(volume, azimuth, elevation, perspective=True, width=80, height=60)
+    camera, matrix = turntable(volume, azimuth, elevation, perspective=True)
     seen_by = {"crop": (5, 5, 70, 50), "ray_ends": ends}
     scene = Scene(volume, function, camera, 80, 60, matrix, **seen_by)
     drain(fitting_steps(scene, Quality.preset("draft"), cache, is_draft=True))
@@ -124,7 +124,7 @@ def _said(first_ever, monkeypatch, classification):
     watch = importlib.import_module("rle_splat.pipeline.watch_steps")
     monkeypatch.setattr(watch, "nothing_compiled_yet", lambda: first_ever)
     volume = Volume(np.random.default_rng(0).integers(0, 255, (9, 10, 11)).astype(np.uint8), np.eye(4))
-    camera, matrix = turntable(volume, 20, 10, width=12, height=12)
+    camera, matrix = turntable(volume, 20, 10)
     tf = TransferFunction(opacity=((80, 0.0), (250, 0.6)), color=((0, 0.2, 0.4, 0.8),), shade=Shade())
     quality = Quality.preset("draft", classification=classification)
     steps = pipeline.render_steps(Scene(volume, tf, camera, 12, 12, matrix, headlight=True), quality)

@@ -91,7 +91,7 @@ def test_the_depth_is_that_of_the_truth_in_a_translucent_volume(perspective):
         (math.cos(angle), -math.sin(angle), 0.0, 3.0), (math.sin(angle), math.cos(angle), 0.0, -2.0),
         (0.0, 0.0, 1.3, 1.0), (0.0, 0.0, 0.0, 1.0)))  # fmt: skip
     volume = sphere(np.diag((*SPACING, 1.0)))
-    camera, _ = turntable(volume, 30.0, 20.0, 1.25, perspective, width=64, height=64, scene_scale=0.5)
+    camera, _ = turntable(volume, 30.0, 20.0, 1.25, perspective, scene_scale=0.5)
     cut = np.eye(4)
     cut[:3, 3] = 8.0, 8.0, 30.0
     hole = np.diag((6.0, 6.0, 6.0, 1.0))

@@ -47,7 +47,7 @@ def volume_of(dtype=np.uint8):
 
 def scene_of(volume, axis=1, **changes):
     azimuth, elevation = VIEWS[axis]
-    camera, matrix = turntable(volume, azimuth, elevation, width=40, height=32)
+    camera, matrix = turntable(volume, azimuth, elevation)
     function = TransferFunction.from_json(FUNCTION)
     given = {"headlight": True, "volume_matrix": matrix, **changes}
     return Scene(volume=volume, transfer_function=function, camera=camera, width=40, height=32, **given)

@@ -76,7 +76,7 @@ FUNCTION = TransferFunction(
 
 
 def scene(volume, perspective, function=FUNCTION):
-    camera, matrix = turntable(volume, 30, 20, perspective=perspective, width=48, height=48)
+    camera, matrix = turntable(volume, 30, 20, perspective=perspective)
     return Scene(volume, function, camera, 48, 48, matrix, headlight=True)
 
 

@@ -29,7 +29,7 @@ def ball() -> Volume:
 
 def scene_of(volume: Volume) -> Scene:
     function = TransferFunction(opacity=((50, 0.0), (60, 0.02)), color=((0, 0.9, 0.5, 0.2),))
-    camera, matrix = turntable(volume, 20, 30, width=96, height=96)
+    camera, matrix = turntable(volume, 20, 30)
     return Scene(volume, function, camera, 96, 96, matrix)
 
 

@@ -248,7 +248,7 @@ scene = scene_of(noise(20), 64)
 kinds = ({}, {"mode": "mip"}, {"headlight": False, "lights": (Light("SUN"),), "volume_shadows": True})
 resident = []
 for number in range(220):
-    camera, matrix = turntable(scene.volume, 7.0 * number, 20.0, width=64, height=64)
+    camera, matrix = turntable(scene.volume, 7.0 * number, 20.0)
     function, _ = fit_preset(next(names), scene.volume)
     seen = replace(scene, camera=camera, volume_matrix=matrix, transfer_function=function, **kinds[number % 3])
     drain(render_steps(seen, Quality(threads=1, classification="pre" if number % 7 == 6 else "post"), cache))

@@ -49,7 +49,7 @@ if sys.argv[2] != "lacking":
     pieces = (np.diff(rows.astype(np.int8), axis=1, prepend=0) == 1).sum(axis=1).astype(np.int32)
     np.save(sys.argv[1], drain(table_steps(VisibleVoxels((16, 18, 20), starts, pieces, column, column, 0), 2)).runs)
     volume = Volume(np.where(shown, 200, 0).astype(np.uint8), np.eye(4))
-    camera, matrix = turntable(volume, 20, 10, width=24, height=24)
+    camera, matrix = turntable(volume, 20, 10)
     tf = TransferFunction(opacity=((80, 0.0), (250, 0.6)), color=((0, 0.2, 0.4, 0.8),), shade=None)
     scene = Scene(volume, tf, camera, 24, 24, matrix)
     with jit.use_reference():  # numpy draws, since each kernel of a picture takes seconds to compile

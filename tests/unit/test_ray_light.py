@@ -39,7 +39,7 @@ def traced(
     random = np.random.default_rng(5)
     volume = Volume(random.random(SHAPE, np.float32), np.diag((0.2, 1.1, 0.9, 1.0)))
     shape = volume.shape_xyz
-    camera, matrix = turntable(volume, *axis, 1.0, perspective, 40.0, SIDE, SIDE)
+    camera, matrix = turntable(volume, *axis, 1.0, perspective, 40.0)
     to_world = matrix @ volume.affine
     eye = np.append(camera.matrix_world[:3, 3], 1.0) if perspective else np.append(camera.matrix_world[:3, 2], 0.0)
     falling = lighting(to_world, shade, lights, eye=eye, **around)

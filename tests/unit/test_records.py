@@ -87,7 +87,7 @@ def block(alpha):
     volume = Volume(np.full((8, 256, 8), 100, np.uint8), np.eye(4))
     opacity = ((0, alpha), (150, alpha), (200, 1.0))  # a solid medium is in the function, so codes must span it all
     function = TransferFunction(opacity=opacity, color=((0, 1.0, 0.37, 0.61),), shade=None)
-    camera, matrix = turntable(volume, 0, 0, fit=0.02, width=16, height=16)
+    camera, matrix = turntable(volume, 0, 0, fit=0.02)
     return Scene(volume, function, camera, 16, 16, matrix, headlight=False)
 
 
@@ -115,7 +115,7 @@ def ball():
 
 def lit_scene(azimuth, elevation=10, lights=()):
     volume, function = ball()
-    camera, matrix = turntable(volume, azimuth, elevation, perspective=True, width=96, height=96)
+    camera, matrix = turntable(volume, azimuth, elevation, perspective=True)
     return Scene(volume, function, camera, 96, 96, matrix, lights=lights, headlight=not lights)
 
 

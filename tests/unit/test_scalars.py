@@ -36,7 +36,7 @@ def scene_of(volume, begin=0.0, shade=None, **more):
     tf = TransferFunction(
         opacity=((begin + 50, 0.0), (begin + 60, 0.5), (begin + 70, 0.0)), color=((begin, 1, 0.5, 0.2),), shade=shade
     )
-    camera, matrix = turntable(volume, 20.0, 10.0, width=16, height=16)
+    camera, matrix = turntable(volume, 20.0, 10.0)
     return Scene(volume, tf, camera, 16, 16, matrix, **({"headlight": False} | more))
 
 

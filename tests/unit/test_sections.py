@@ -54,7 +54,7 @@ def in_sections(scene, quality, count):
 
 def seen_from(azimuth, elevation, fit=1.25):
     """What a perspective camera changes; a small ``fit`` puts it into the volume."""
-    camera, matrix = turntable(volume_of(), azimuth, elevation, fit, True, 60.0, 40, 32)
+    camera, matrix = turntable(volume_of(), azimuth, elevation, fit, True, 60.0)
     return {"camera": camera, "volume_matrix": matrix}
 
 

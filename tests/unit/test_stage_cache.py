@@ -52,7 +52,7 @@ def test_a_loop_makes_the_frames_of_a_volume_in_time_once(frames, stays):
     cache, made = StageCache(), []
     for voxels in (*values, *values):
         volume = Volume(voxels, np.eye(4), frames=frames)
-        camera, matrix = turntable(volume, 20, 10, width=12, height=12)
+        camera, matrix = turntable(volume, 20, 10)
         render(Scene(volume, shown, camera, 12, 12, matrix), Quality.preset("draft"), cache=cache)
         made.append(dict(cache.made))
     assert made[8]["scalars"] == 9 > MOST_RESULTS["scalars"]
@@ -119,7 +119,7 @@ def test_what_a_job_has_found_stays_at_hand_whatever_becomes_of_the_store():
 @pytest.mark.parametrize("stage", ["choose_plan", "begin_picture"])
 def test_memory_that_runs_out_at_any_stage_is_a_sentence(monkeypatch, stage):
     volume = Volume(np.random.default_rng(0).integers(0, 255, (9, 10, 11)).astype(np.uint8), np.eye(4))
-    camera, matrix = turntable(volume, 20, 10, width=12, height=12)
+    camera, matrix = turntable(volume, 20, 10)
     shown = TransferFunction(opacity=((80, 0.0), (250, 0.6)), color=((0, 1, 1, 1),))
     scene = Scene(volume, shown, camera, 12, 12, matrix)
 

@@ -286,7 +286,7 @@ def test_no_sheet_lies_in_an_eye_on_the_face_of_the_box(rule, sign, away):
 def test_depths_as_large_as_what_stands_for_none_are_told(scale, told, way):
     """Blender's 1e10 is a length, too: the picture is made, and a remark says that its depths cannot be told apart."""
     volume = Volume(np.full((8, 8, 8), 200, np.uint8), np.eye(4))
-    camera, matrix = turntable(volume, 20, 10, width=16, height=16)
+    camera, matrix = turntable(volume, 20, 10)
     grown = np.diag((scale, scale, scale, 1.0))
     carried = replace(
         camera, matrix_world=grown @ camera.matrix_world, ortho_scale=scale * camera.ortho_scale,

@@ -122,7 +122,7 @@ def synthetic_scene(size: Size) -> Scene:
     function = TransferFunction(
         opacity=((130.0, 0.0), (180.0, 0.1), (230.0, 0.8)), color=((0.0, 0.9, 0.5, 0.2), (255.0, 1.0, 1.0, 0.9)),
     )  # fmt: skip
-    camera, matrix = turntable(volume, 30.0, 20.0, width=size.pixels, height=size.pixels)
+    camera, matrix = turntable(volume, 30.0, 20.0)
     return Scene(volume, function, camera, size.pixels, size.pixels, matrix)
 
 

@@ -25,7 +25,7 @@ def table_lines(report: dict) -> list[str]:
         ">: the chosen plan.",
         f"ms: splat, warp and single rays, the median of {report['repeats']} frames. Errors: 8-bit steps, 1/255 "
         "of premultiplied linear "
-        f"RGBA; RMSE, 99.9 %, bias and PSNR at {probes['random']} random pixels, max over these, {probes['steep']} "
+        f"RGBA; RMSE, 99.9%, bias and PSNR at {probes['random']} random pixels, max over these, {probes['steep']} "
         "steep ones and the crop; SSIM"
         + (" and FLIP" if has_flip else "") + f" of the crop {_crop_text(report['crop'])}, as a display shows it.",
     ]  # fmt: skip
@@ -37,7 +37,7 @@ def _truth_lines(report: dict, name: str, has_flip: bool) -> list[str]:
     beside = name != "T2"
     plans = sorted((e for e in report["plans"] if e["truth"] == name), key=lambda entry: entry["frame_ms"])
     lines = [
-        f"{'plan':<22}{'ms':>8}{'RMSE':>9}{'99.9 %':>9}{'max':>9}{'bias':>9}{'PSNR':>8}{'SSIM':>9}"
+        f"{'plan':<22}{'ms':>8}{'RMSE':>9}{'99.9%':>9}{'max':>9}{'bias':>9}{'PSNR':>8}{'SSIM':>9}"
         + (f"{'FLIP':>9}" if has_flip else "") + (f"{'T2 RMSE':>9}" if beside else ""),
     ]  # fmt: skip
     for entry in plans:

@@ -64,7 +64,7 @@ def render_within(
     probes : int
         Sample pixels at which the picture is measured, random or steep; 0 for a prediction alone.
     seed : int
-        Of the random sample pixels.
+        Seed of the random sample pixels.
     leave_out_shadows : bool
         With the classification ``pre``: render without shadows and ambient occlusion, which its reference lacks, and
         list that in the report's ``remarks`` and ``effects``.  Otherwise a scene with them raises an error.
