@@ -91,6 +91,8 @@ def _plate(stage: Stage, bone, coat) -> None:
     rim = sorted({faces[0] for faces in edges.values() if len(faces) == 1})
     center = sum((flat.polygons[n].center for n in rim), Vector()) / len(rim)
     rim.sort(key=lambda n: math.atan2(flat.polygons[n].center.z - center.z, flat.polygons[n].center.x - center.x))
+    bpy.context.view_layer.update()
+    to_plate = plate.matrix_world.inverted()
     for turn, n in enumerate(rim[:: max(len(rim) // 9, 1)]):
         polygon = flat.polygons[n]
         normal = (to_world.to_3x3() @ polygon.normal).normalized()
@@ -108,7 +110,12 @@ def _plate(stage: Stage, bone, coat) -> None:
         cut = head.modifiers.new("Slot", "BOOLEAN")
         cut.object, cut.operation = slot, "DIFFERENCE"
         bpy.ops.mesh.primitive_cylinder_add(radius=1.0 * MM, depth=9.0 * MM, vertices=32)
-        named("Screw", coat).matrix_world = Matrix.Translation(place - 4.5 * MM * normal) @ turned
+        shaft = named("Screw", coat)
+        shaft.matrix_world = Matrix.Translation(place - 4.5 * MM * normal) @ turned
+        for part in (head, slot, shaft):  # below the plate in the Outliner
+            placed = part.matrix_world.copy()
+            part.parent, part.matrix_parent_inverse = plate, to_plate
+            part.matrix_world = placed
 
 
 def _slice(stage: Stage, kind: str, low: Vector, high: Vector) -> None:
