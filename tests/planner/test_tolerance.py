@@ -98,7 +98,7 @@ def test_the_report_has_what_was_foretold_and_what_was_found():
     assert error["tolerance"] == 4.0 and 0.0 < error["predicted"] <= 4.0 and 0.0 < error["measured"] <= 4.0
     assert error["probes"] == error["random"]["count"] + error["steep"]["count"] > 300
     assert error["sentence"].startswith("predicted ") and f"on {error['probes']} sample pixels" in error["sentence"]
-    assert "at 95 % confidence" in error["statement"] and error["floor"] is None
+    assert "at 95% confidence" in error["statement"] and error["floor"] is None
     assert error["budget"]["total"] == error["predicted"] and error["rounds"][-1]["plan"].startswith("pre ")
     assert error["predicted_ms"] > 0.0 and error["ms"] > 0.0 and error["planning_ms"] > 0.0
 

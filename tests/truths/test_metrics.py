@@ -127,7 +127,7 @@ def test_metrics_keep_random_and_steep_probes_apart():
     assert found["share"] == 0.006
     assert found["sentence"] == (
         "None of 500 random sample pixels differs from the reference by more than 0.5/255: at "
-        "95 % confidence at most 0.60% of the pixels do."
+        "95% confidence at most 0.60% of the pixels do."
     )
     assert error_summary(errors, 500, 1.0)["kept"]
     two = "2 of 500 random sample pixels differ from the reference by more than 1/255: "
