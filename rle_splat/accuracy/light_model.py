@@ -158,12 +158,18 @@ class PostLight:
         m, beside = self.surfaces(z, y, x)
         casting = [self._scene.lights[number] for number in self._casting]
         index = np.stack((x, y, z), axis=1).astype(np.float64)
-        found = [*m.T, *(self._tracer.towards(one, self._lamp_side(one, index, m, beside), index) for one in casting)]
+        near = self._near(beside)
+        from_sides = ((one, self._near(self._lamp_side(one, index, m, beside))) for one in casting)
+        found = [*m.T, *(self._tracer.towards(one, side, index) for one, side in from_sides)]
         if self._indirect:
-            found += [self._tracer.scattered(light, beside, index) for light in casting]
+            found += [self._tracer.scattered(light, near, index) for light in casting]
         if self._opened:
-            found.append(1.0 - self._scene.ambient_occlusion * (1.0 - self._tracer.openness(beside)))
+            found.append(1.0 - self._scene.ambient_occlusion * (1.0 - self._tracer.openness(near)))
         return np.stack(found, axis=1)
+
+    def _near(self, index) -> np.ndarray:
+        """(N, 3) positions, moved along the axes to at most a voxel beyond the volume."""
+        return np.clip(index, -1.0, self._shape[::-1])
 
     def surfaces(self, z, y, x) -> tuple[np.ndarray, np.ndarray]:
         """m (N, 3), world, and x' (N, 3), voxel indices x, y, z, of voxels (N,).

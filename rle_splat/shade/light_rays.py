@@ -230,7 +230,11 @@ def _trace_rows(begin, end, first, lists, medium, lamp, limits, free, sums):
                 continue
             x = np.float64(column[v])
             wx, wy, wz = towards_lamp(begins, from_row, np.float32(x), normals, offsets, v)
-            o = (x + step * wx, y + step * wy, z + step * wz)
+            o = (  # not beyond the outermost nodes, from which other qualities read
+                min(max(x + step * wx, -1.0), high[0] + 1.0),
+                min(max(y + step * wy, -1.0), high[1] + 1.0),
+                min(max(z + step * wz, -1.0), high[2] + 1.0),
+            )
             d = (lx, ly, lz) if is_sun else (lx - o[0], ly - o[1], lz - o[2])
             depth = 0.0
             if not flat:

@@ -429,7 +429,7 @@ def trace_light(lists, medium, lamp, limits, free, sums):
     is_sun, point, metric, weight, scattered, _ = lamp
     row = np.searchsorted(row_start, np.arange(len(column)), side="right") - 1
     start = np.stack((column.astype(np.float64), row % shape_xyz[1], row // shape_xyz[1]), axis=1)
-    start += _towards_lamp(points, start) / STEPS
+    start = np.clip(start + _towards_lamp(points, start) / STEPS, -1.0, shape_xyz)
     left = weight * (free / np.float32(FULL) if len(free) else np.ones(len(start), np.float32))
     for first in range(0, len(start), RAYS_AT_ONCE):
         part = slice(first, first + RAYS_AT_ONCE)

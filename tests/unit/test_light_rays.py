@@ -87,7 +87,7 @@ def test_rays_are_those_summed_in_small_steps_and_end_at_a_lamp(kind, at):
     field = smooth((12, 17, 26))
     occluders = occluders_of(field, SKEWED)
     offsets, few = random_offsets(occluders), some(occluders)
-    begins = points_of(occluders, offsets)[few]
+    begins = np.clip(points_of(occluders, offsets)[few], -1.0, occluders.voxels.shape_xyz)  # as grids of light end
     lamp = np.linalg.solve(SKEWED[:3, :3], np.array(at) - SKEWED[:3, 3])
     ends = far_along(SKEWED, begins, at) if kind is sun else np.broadcast_to(lamp, begins.shape)
     expected = integrated(field, SKEWED, begins, ends)
