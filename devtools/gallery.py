@@ -29,9 +29,7 @@ class Shot:
 
 SHOTS = {
     "skull": Shot("a skull of plastic, cut open, with a titanium plate", (1600, 1200), 3, finer=2),
-    "aorta": Shot(
-        "a dissected aorta with the names of its segments, on a slice of the same CT", (1400, 1050), 6, finer=2
-    ),
+    "heart": Shot("a heart and a dissected aorta after surgery, on a slice of the same CT", (1400, 1050), 6, finer=2),
     "nuclei": Shot("nuclei above a slice of their own confocal stack, one in mitosis", (1400, 1050), 12),
     "cortex": Shot("two channels of fluorescence in mouse cortex", (1200, 1150), 12),
     "pet": Shot("a PET from two sides with its tumors in color and a bar in SUV", (1500, 1000), 12),

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import gzip
 import os
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -54,15 +53,9 @@ def _asked_for(name: str) -> Path:
     return path
 
 
-def aorta(folder: Path):
-    """A CT angiography of a dissected aorta, with a folder of masks as TotalSegmentator writes them."""
-    source = _asked_for("cta_aorta_labels")
-    masks = folder / "segmentations"
-    masks.mkdir(exist_ok=True)
-    for path in source.glob("mask_*.nii.gz"):
-        shutil.copyfile(path, masks / path.name.removeprefix("mask_"))
-    shutil.copyfile(source / "labels_true_false_lumen_uint8.nii.gz", masks / "aorta_lumens.nii.gz")
-    path = source / "cta_heart_aorta_120x126x164_int16.nii.gz"
+def heart(folder: Path):
+    """A CT angiography of a heart and a dissected aorta after surgery."""
+    path = _asked_for("cta_aorta_labels") / "cta_heart_aorta_120x126x164_int16.nii.gz"
     return path, {}, path.name
 
 

@@ -6,6 +6,8 @@ Every step is an operator or a setting that a user has, too.
 
 from __future__ import annotations
 
+import math
+
 import bpy
 import gallery_data
 from demo_scene import rod
@@ -15,7 +17,6 @@ from gallery_skull import skull
 from gallery_studio import (
     COLD,
     RENDER,
-    WARM,
     Stage,
     emission,
     letters,
@@ -27,20 +28,21 @@ from mathutils import Matrix, Vector
 
 MM = 0.001
 PLATE = -112.0  # the height of the slice above the middle of the scan
-# Names, places of each in mm from the middle of the scan, and the place of its text in the picture: from its middle, in
-# widths.
+# Names, the place of each in mm from the middle of the scan, and that of its text in the picture, in widths.
 NAMES = (
-    ("Brachiocephalic trunk", ((-38.0, -18.0, 92.0),), (-0.18, 0.24)),
-    ("Left common carotid artery", ((-6.0, -14.0, 108.0),), (-0.18, 0.3)),
-    ("Left subclavian artery", ((4.0, 2.0, 114.0), (52.0, -4.0, 116.0)), (0.2, 0.27)),
-    ("Ascending aorta", ((-20.0, -30.0, 40.0),), (-0.18, 0.1)),
-    ("True lumen", ((-6.0, 18.0, -56.0),), (-0.18, -0.04)),
-    ("False lumen", ((18.0, 60.0, 20.0),), (0.2, 0.08)),
-    ("Celiac trunk", ((2.0, -4.0, -103.0),), (-0.18, -0.12)),
-    ("T12", ((-2.0, 80.0, -97.0),), (0.2, -0.12)),
+    ("Sternal wires", (-56.0, -65.0, 49.0), (-0.24, 0.2)),
+    ("Ascending aorta", (-28.0, -23.0, 42.0), (-0.24, 0.12)),
+    ("Right ventricle", (-16.0, -46.0, -33.0), (-0.24, -0.02)),
+    ("Stent", (-7.0, 34.0, 80.0), (0.26, 0.25)),
+    ("False lumen", (10.0, 53.0, 64.0), (0.26, 0.19)),
+    ("Lung vessels", (18.0, 48.0, 32.0), (0.26, 0.04)),
+    ("Left ventricle", (8.0, -5.0, -33.0), (0.26, -0.04)),
+    ("Splenic artery", (30.0, 1.0, -84.0), (0.26, -0.12)),
 )
-RED = (0.5, 0.035, 0.025)  # of the arteries
 PLUM = (0.2, 0.035, 0.13)  # of the false lumen: blue is for veins
+IN_BONE = (42, 121, 59)  # a voxel, as a click finds it
+IN_HEART = (76, 59, 77)
+IVORY = (0.72, 0.62, 0.46)  # of bone
 SHADED = 0.9  # the part of the slice that is lit
 
 
@@ -77,67 +79,78 @@ def _change(ours, name: str, tool: str, length: float = 0.0) -> None:
     bpy.ops.rle_splat.change_segment(tool=tool, **({"length": length} if length else {}))
 
 
-def _cast_shadows(stage: Stage) -> None:
-    """Extract the segments' surface, and hide it from the camera: it casts the shadow that a volume does not cast on
-    meshes inside its box, such as the slice."""
-    bpy.context.view_layer.objects.active = stage.volume
-    bpy.ops.rle_splat.extract_surface(of="OPACITY", opacity=0.5)
-    bpy.context.view_layer.objects.active.visible_camera = False
-
-
-def _name(stage: Stage, camera, body: str, places, at: tuple[float, float], coat) -> None:
-    """A name in the plane half-way to the middle, and a line from it to what is seen at each place."""
+def _name(stage: Stage, camera, body: str, place, at: tuple[float, float], coat) -> None:
+    """A name in the plane half-way to the middle, and a line from it to what is seen at a place."""
     data = camera.data
     depth = 0.5 * (camera.matrix_world.translation - stage.middle).length
     width = depth * data.sensor_width / data.lens
     begin = Vector((at[0] * width, at[1] * width, -depth))
     side = -1.0 if at[0] < 0.0 else 1.0
     text = camera.matrix_world @ Matrix.Translation(begin + Vector((side * 0.008 * width, 0.0, 0.0)))
-    letters(body, text, 0.0255 * width, coat, "RIGHT" if side < 0.0 else "LEFT")
-    for place in places:
-        into = camera.matrix_world.inverted() @ (stage.middle + MM * Vector(place))
-        end = camera.matrix_world @ (into * (depth / -into.z))
-        rod(f"Line to {body}", camera.matrix_world @ begin, end, 0.0007 * width, coat)
+    letters(body, text, 0.0235 * width, coat, "RIGHT" if side < 0.0 else "LEFT")
+    into = camera.matrix_world.inverted() @ (stage.middle + MM * Vector(place))
+    end = camera.matrix_world @ (into * (depth / -into.z))
+    rod(f"Line to {body}", camera.matrix_world @ begin, end, 0.0007 * width, coat)
 
 
-def aorta(stage: Stage):
-    """Segments of a dissected aorta, with their names, on an axial slice of the same scan."""
-    stage.read_labels(stage.folder / "segmentations")
-    bpy.ops.rle_splat.color_anatomy()
-    ours = stage.volume.rle_splat
+def _keep(ours, name: str, voxel: tuple[int, int, int]) -> None:
+    """Keep What Is Under the Mouse, and Grow, so that the segment does not cut the surface."""
+    bpy.ops.rle_splat.keep_connected(voxel=voxel)
+    ours.labels[ours.active_label].label_name = name
+    _change(ours, name, "GROW", 3.0)
+
+
+def _show(ours, *shown: str) -> None:
+    """The eyes of all segments."""
     for row in ours.labels:
-        if row.label and "T12" not in row.label_name:
-            row.color = PLUM if "false" in row.label_name else RED
-    _change(ours, "aorta_false_lumen", "LARGEST")
-    _change(ours, "aorta_true_lumen", "SMOOTH", 1.5)
-    _change(ours, "vertebrae_T12", "SMOOTH", 2.0)
-    ours.smoothness, ours.specular, ours.shininess = 3.0, 0.1, 30.0
+        row.show = row.label_name in shown
+
+
+def heart(stage: Stage):
+    """Heart and vessels of a patient by their values, the bones and the false lumen of the aorta as segments, on an
+    axial slice of the same scan."""
+    stage.read_labels(gallery_data.DATA / "cta_aorta_labels/labels_true_false_lumen_uint8.nii.gz")
+    ours = stage.volume.rle_splat
+    false, true = (next(row.label_name for row in ours.labels if part in row.label_name) for part in ("false", "true"))
+    ours.shift_by = 80.0  # HU: vessels and bones are apart
+    _show(ours, "Background")
+    _keep(ours, "Bones", IN_BONE)
+    _show(ours, "Background", true)
+    _keep(ours, "Heart and Vessels", IN_HEART)
+    ours.shift_by = 0.0
+    _change(ours, false, "LARGEST")
+    _change(ours, false, "GROW", 3.0)
+    for row in ours.labels:
+        if row.label_name == false:
+            row.color = PLUM
+        elif row.label_name == "Bones":
+            row.use_color, row.color = True, IVORY
+    _show(ours, "Bones", "Heart and Vessels", true, false)
+    ours.smoothness, ours.opacity_unit_distance = 3.0, 1.0
     laid = _lay_slice(stage)
-    _cast_shadows(stage)
-    white, ground = emission("Letters", (0.85, 0.87, 0.9)), PLATE + 1.0
-    at = Matrix.Translation(stage.middle)
-    for body, x, y in (("R", -106.0, -62.0), ("L", 108.0, -30.0)):
-        letters(body, at @ Matrix.Translation(MM * Vector((x, y, ground))), 22.0 * MM, white)
-    scale_bar("50 mm", at @ Matrix.Translation(MM * Vector((-40.0, -118.0, ground))), 50.0 * MM, 13.0 * MM, white)
-    camera = stage.camera((1.2, -1.7, 0.5), lens=45.0, aim=(0.0, 0.0, -0.07))
+    camera = stage.camera((1.75, -1.05, 0.55), lens=42.0, aim=(0.01, 0.017, -0.06))
     bpy.context.view_layer.update()
-    for body, places, at in NAMES:
-        _name(stage, camera, body, places, at, white)
-    bpy.context.scene.cycles.use_denoising = True
-    floor = stage.sweep((1.2, -1.7), stage.foot - 4.0 * MM / stage.size, (0.03, 0.034, 0.044))
+    white, ground = emission("Letters", (0.85, 0.87, 0.9)), PLATE + 1.0
+    for body, place, at in NAMES:
+        _name(stage, camera, body, place, at, white)
+    at, facing = Matrix.Translation(stage.middle), Matrix.Rotation(1.03, 4, "Z")
+    for body, x, y in (("A", -30.0, -112.0), ("L", 120.0, 60.0)):
+        letters(body, at @ Matrix.Translation(MM * Vector((x, y, ground))) @ facing, 20.0 * MM, white)
+    bar = at @ Matrix.Translation(MM * Vector((116.0, -40.0, ground))) @ Matrix.Rotation(0.5 * math.pi, 4, "Z")
+    scale_bar("50 mm", bar, 50.0 * MM, 12.0 * MM, white)
+    floor = stage.sweep((1.75, -1.05), stage.foot - 4.0 * MM / stage.size, (0.03, 0.034, 0.044))
     floor.visible_shadow = False  # the key is behind its wall
     floor.active_material.node_tree.nodes["Principled BSDF"].inputs["Specular IOR Level"].default_value = 0.0
+    bpy.context.scene.cycles.use_denoising = True
     stage.ground += (laid,)
-    stage.key(4.2, (-1.4, -0.3, 1.6))
-    stage.area("Fill", 36.0, (0.3, -1.9, 0.9), WARM)
-    stage.area("Rim", 50.0, (-1.6, 1.4, 1.0), COLD)
+    stage.key(3.6, (0.3, -1.4, 1.5), (1.0, 0.97, 0.94))
+    stage.area("Rim", 50.0, (-0.8, 1.6, 1.0), COLD)
     softbox_world(
         ((0.02, 0.02, 0.022), (0.05, 0.055, 0.065), (0.25, 0.27, 0.3)),
-        (((1.6, -1.3, 1.1), 24.0, (4.0, 3.8, 3.6)), ((-1.6, -0.9, 0.6), 18.0, (3.0, 3.4, 4.0))),
+        (((1.6, -1.3, 1.1), 24.0, (4.0, 3.8, 3.6)), ((1.2, 1.2, 0.6), 18.0, (3.0, 3.4, 4.0))),
         0.35,
     )
-    stage.settings.ambient_occlusion, stage.settings.quality = 0.7, "fine"
-    stage.settings.effect_overrides.shadows_on_meshes = "OFF"  # the surface casts them
+    stage.settings.ambient_occlusion, stage.settings.quality = 0.8, "strict"
     view_transform("Standard")
     yield RENDER
 
@@ -181,4 +194,4 @@ def nuclei(stage: Stage):
     yield RENDER
 
 
-SETS = {"skull": skull, "aorta": aorta, "nuclei": nuclei, "cortex": cortex, "pet": pet, "light": light, "lamps": lamps}
+SETS = {"skull": skull, "heart": heart, "nuclei": nuclei, "cortex": cortex, "pet": pet, "light": light, "lamps": lamps}

@@ -16,7 +16,7 @@ from .places import DIST, ROOT, Failure, say
 
 CHANGELOG = ROOT / "CHANGELOG.md"
 LISTING = ROOT / "devtools" / "listing.md"
-PICTURES = tuple(f"gallery-{name}.jpg" for name in ("skull", "window", "aorta"))
+PICTURES = tuple(f"gallery-{name}.jpg" for name in ("skull", "window", "heart"))
 CHECKSUMS = "SHA256SUMS"
 
 

@@ -53,7 +53,7 @@ def test_where_there_is_no_scan_numbers_stand_in_for_it(data, tmp_path):
     assert 0.002 < seen.mean() < 0.5
 
 
-@pytest.mark.parametrize("name", ["skull", "aorta"])
+@pytest.mark.parametrize("name", ["skull", "heart"])
 def test_a_scan_without_a_stand_in_is_asked_for(data, tmp_path, name):
     with pytest.raises(RuntimeError, match="RLE_SPLAT_DATA"):
         getattr(data, name)(tmp_path)
