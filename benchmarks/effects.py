@@ -441,10 +441,12 @@ def main(arguments) -> int:
         side={"help": "voxels along an edge of the light pass's volume"}, repeats=REPEATS, threads=0,
         quality={"nargs": None, "default": "standard"}, classification=DEFAULT_CLASSIFICATION,
     )  # fmt: skip
-    parser.add_argument("--effect", nargs="*", choices=list(PRICES), help="only these rows, for a table of their own")
+    parser.add_argument("--effect", nargs="*", choices=list(PRICES), help="only these rows")
     parser.add_argument("--processor", action="store_true", help="processor time of one thread, on a busy machine")
     parser.add_argument("--docs", action="store_true", help="write the tables into the page effects.md")
     options = parser.parse_args(arguments)
+    if options.docs and options.effect:
+        parser.error("--docs takes the rows of all effects; leave --effect out")
     if options.processor:
         options.threads = 1
         time_by_processor()
@@ -476,8 +478,7 @@ def main(arguments) -> int:
             f"256^3. Made again by a turn of the camera: {passed['made_again_by_a_turn_of_the_camera']}."
         )
     found = {"size": options.size, "quality": options.quality, "classification": options.classification,
-             "not_priced": unpriced, "light_pass": passed, "processor_time": options.processor,
-             "only": options.effect}  # fmt: skip
+             "not_priced": unpriced, "light_pass": passed, "processor_time": options.processor}  # fmt: skip
     run.keep(**found)
     if options.docs:
         write_page({"circumstances": run.where, "rows": run.rows, **found})

@@ -9,7 +9,6 @@ from .accuracy import fill, markdown
 from .frames import describe
 
 DOCS = Path(__file__).parents[1] / "docs" / "explanation"
-SINGLE = "single effects"  # the table of a run of some effects alone, of all scenes
 HEADER = ("effect", "over", "first", "frame", "its own work", "kernels more", "made again by a frame")
 
 
@@ -27,10 +26,9 @@ def write_page(measured: dict, folder: Path = DOCS) -> None:
     record = json.loads(record_file.read_text(encoding="utf-8")) if record_file.exists() else {}
     rest = {key: value for key, value in measured.items() if key not in ("rows", "light_pass")}
     for row in measured["rows"]:
-        name = SINGLE if measured.get("only") else row["scene"]
-        if record.get(name, {}).get("circumstances") is not measured["circumstances"]:
-            record[name] = {**rest, "rows": []}
-        record[name]["rows"].append(row)
+        if record.get(row["scene"], {}).get("circumstances") is not measured["circumstances"]:
+            record[row["scene"]] = {**rest, "rows": []}
+        record[row["scene"]]["rows"].append(row)
     if measured["light_pass"] is not None:
         record["light pass"] = measured["light_pass"]
     record_file.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
@@ -44,7 +42,7 @@ def table(of_scene: dict) -> str:
     """The table of one scene, and a line on how it was measured."""
     rows = [
         (
-            f"{row['scene']}: {row['effect']}" if of_scene.get("only") else row["effect"], row["over"],
+            row["effect"], row["over"],
             f"{row['first_ms']:.0f} ({row['first_ratio']:.2f})", f"{row['frame_ms']:.0f} ({row['frame_ratio']:.2f})",
             _own(row), str(len(row["more_kernels"])), ", ".join(row["made_by_a_frame"]) or "nothing",
         )

@@ -12,10 +12,10 @@ Each program draws in the environment that has it, and keeps its pictures; then 
 
 makes a sheet of presets on scans of three modalities, ``crops`` one of parts of the joined pictures, twice as large.
 Camera, transfer function and sun are the same.  Ours has shadows and ambient occlusion, at ``fine``.  VTK has four
-samples per voxel, no shadows, and no light but the sun and what its material adds.  It takes normals of no volume but
-that which it shows, so ``vtk-smoothed`` shows what our normals are made of: values, smoothed.  Cycles scatters light in
-a Principled Volume of the unlit colors; its picture is made as bright as ours, by one factor.  Seconds are of the
-processor, one thread, from the voxels in memory on, kernels loaded.
+samples per voxel, no shadows, and for the light of the world the ambient term of its material.  It takes normals of no
+volume but that which it shows, so ``vtk-smoothed`` shows what our normals are made of: values, smoothed.  Cycles
+scatters light in a Principled Volume of the unlit colors; its picture is made as bright as ours, by one factor.
+Seconds are of the processor, one thread, from the voxels in memory on, kernels loaded.
 """
 
 from __future__ import annotations
@@ -93,9 +93,9 @@ SUBJECTS = {
 # Presets on scans of three modalities.
 PRESETS = {
     "CT skull: Bone": Subject("dicom_ct_skull_phantom_512x512x140", "ct-bone", (30, 0), 0.9, *ALONE),
-    "CT heart: Angiography": Subject(HEART, "ct-angiography", (20, 5), 0.95, kept_from=130.0),
-    "CT chest: Soft Tissue": Subject(CHEST, "ct-soft-tissue", (20, 50), 1.08, *ALONE),
-    "CT chest: Lung": Subject(CHEST, "ct-lung", (0, 65), 1.16, *ALONE),
+    "CT heart: Angiography": Subject(HEART, "ct-angiography", (50, 8), 1.1, kept_from=130.0),
+    "CT chest: Soft Tissue": Subject(CHEST, "ct-soft-tissue", (15, -50), 1.08, *ALONE),
+    "CT chest: Lung": Subject(CHEST, "ct-lung", (0, -65), 1.16, *ALONE),
     "MR T1: Head": Subject("t1_head_188x256x190_uint8.nii.gz", "mr-head", (35, 10), 1.1),
     "MR FLAIR: Brain": Subject("flair_brain_124x160x140_uint8.nrrd", "mr-brain", (35, 25), 1.0),
     "PET: Hot": Subject("pet_seg/dicom_pet_128x128x266", "pet-hot", (0, 0), 0.85),

@@ -87,6 +87,7 @@ class VtkCaster:
             lamp.PositionalOff()
             lamp.SetPosition(*(-np.asarray(along, float)))
             lamp.SetFocalPoint(0.0, 0.0, 0.0)
+            lamp.SetAmbientColor(1.0, 1.0, 1.0)  # VTK multiplies the ambient coefficient by it, and begins with black
             self._renderer.AddLight(lamp)
         self._window = vtk.vtkRenderWindow()
         self._window.SetOffScreenRendering(1)

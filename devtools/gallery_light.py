@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import bpy
 from gallery_data import DATA
 from gallery_studio import COLD, WARM, Stage, softbox_world, view_transform
-from mathutils import Matrix
+from mathutils import Matrix, Vector
 
 SKULL, HEAD = "dicom_ct_skull_phantom_512x512x140", "t1_head_188x256x190_uint8.nii.gz"
 AORTA = "cta_aorta_labels/cta_heart_aorta_120x126x164_int16.nii.gz"
@@ -26,6 +26,7 @@ BARE = {
 }
 LOWEST = {AORTA: 130.0, LOBSTER: 40.0}  # values of the part that is kept
 
+SIDE = 0.23  # m, of the scans that the page on recipes has numbers for
 GLOW = (1.0, 0.8, 0.6)  # warmer than WARM
 COOL = (0.85, 0.92, 1.0)  # on skin, which COLD makes gray
 
@@ -39,6 +40,7 @@ class Recipe:
     light: object  # a function that takes the stage
     options: dict = field(default_factory=dict)
     volume: dict = field(default_factory=dict)
+    after: dict = field(default_factory=dict)  # what the scene or the volume is set to with these lights
     toward: tuple = (0.55, -1.9, 0.35)
     aim: tuple = (0.0, 0.0, 0.0)
     lens: float = 70.0
@@ -47,59 +49,72 @@ class Recipe:
 def _bone(stage: Stage) -> None:
     stage.lamp("Sun", "SUN", 4.2, (-1.4, -1.3, 1.3), WARM, angle=0.05)
     stage.area("Rim", 80.0, (1.6, 1.4, 0.8), COLD, use_shadow=True)
-    stage.settings.ambient_occlusion = 0.7
 
 
 def _soft(stage: Stage) -> None:
     stage.area("Key", 60.0, (-1.4, -1.4, 1.3), WARM, use_shadow=True)
     stage.area("Fill", 15.0, (1.7, -1.2, 0.5), COLD, use_shadow=True)
-    stage.settings.ambient_occlusion = 0.4
 
 
 def _studio(stage: Stage) -> None:
     softbox_world(((0.002, 0.002, 0.002), (0.006, 0.0065, 0.0075), (0.03, 0.033, 0.04)), SOFTBOXES)
-    stage.settings.ambient_occlusion = 0.6
 
 
 def _skin(stage: Stage) -> None:
     stage.lamp("Behind", "SPOT", 320.0, (1.5, 1.0, 0.3), GLOW, spot_size=0.9, shadow_soft_size=0.2)
     stage.lamp("Front", "SPOT", 95.0, (-1.2, -1.5, 0.7), COOL, spot_size=0.9, shadow_soft_size=0.3)
-    stage.settings.indirect_light = 0.5
 
 
 def _smoke(stage: Stage) -> None:
-    stage.lamp("Within", "POINT", 2.6, (0.0, 0.0, -0.15), (1.0, 0.2, 0.03), shadow_soft_size=0.1)
-    stage.lamp("Sun", "SUN", 0.6, (-1.4, -0.8, 1.3), COLD)
-    stage.volume.rle_splat.use_shading, stage.volume.rle_splat.diffuse = True, 1.0
+    stage.lamp("Within", "POINT", 7.0, (0.0, 0.0, -0.22), (1.0, 0.2, 0.03), shadow_soft_size=0.1)
+    stage.lamp("Sun", "SUN", 0.6, (-1.4, -0.4, 1.3), COLD)
 
 
 def _specimen(stage: Stage) -> None:
     stage.lamp("Key", "SUN", 5.0, (-1.6, 0.2, 0.5), GLOW, angle=0.05)
     stage.area("Rim", 170.0, (1.5, 1.2, 0.4), COLD, use_shadow=True)
-    stage.settings.ambient_occlusion = 0.7
 
 
 SOFTBOXES = (((-1.5, -0.6, 1.1), 20.0, (27.0, 25.0, 23.0)), ((1.5, 0.7, 0.3), 16.0, (18.0, 23.0, 30.0)))
 OPAQUE = {"opacity_unit_distance": 0.05, "smoothness": 2.0, "shift_by": -100.0}  # mm, mm, HU: thin bone is whole
 RECIPES = (
-    Recipe("bone", SKULL, _bone, {"preset": "ct-bone"}, OPAQUE, aim=(0.0, 0.0, -0.06), lens=72.0),
-    Recipe("soft", BRAIN, _soft, {"preset": "mr-brain"}, lens=84.0),
-    Recipe("studio", AORTA, _studio, {"preset": "ct-angiography"}),
+    Recipe(
+        "bone",
+        SKULL,
+        _bone,
+        {"preset": "ct-bone"},
+        OPAQUE,
+        {"ambient_occlusion": 0.7},
+        aim=(0.0, 0.0, -0.06),
+        lens=72.0,
+    ),
+    Recipe("soft", BRAIN, _soft, {"preset": "mr-brain"}, after={"ambient_occlusion": 0.4}, lens=84.0),
+    Recipe(
+        "studio",
+        AORTA,
+        _studio,
+        {"preset": "ct-angiography"},
+        after={"ambient_occlusion": 0.6},
+        toward=(1.65, -1.05, 0.3),
+        lens=62.0,
+    ),
     Recipe(
         "skin",
         HEAD,
         _skin,
         {"preset": "mr-head"},
         {"smoothness": 3.5, "specular": 0.0},
-        aim=(0.0, 0.0, -0.14),
-        lens=62.0,
+        {"indirect_light": 0.5},
+        aim=(0.0, 0.0, -0.1),
+        lens=58.0,
     ),
-    Recipe("smoke", "smoke_fog.vdb", _smoke, aim=(0.0, 0.0, -0.05)),
+    Recipe("smoke", "smoke_fog.vdb", _smoke, after={"use_shading": True, "diffuse": 1.0}, aim=(0.0, 0.0, -0.05)),
     Recipe(
         "specimen",
         LOBSTER,
         _specimen,
         {**BARE, "preset": "ct-specimen"},
+        after={"ambient_occlusion": 0.7},
         toward=(0.35, -1.2, 1.4),
         aim=(0.02, -0.1, 0.0),
         lens=64.0,
@@ -110,7 +125,7 @@ RECIPES = (
 LAMPS = (  # watts, size and place of area lights, in parts of the scan's longest side; watts for a side of 1 m
     ("key", 60.0, 1.0, (-1.4, -1.3, 1.3), WARM, True),
     ("fill", 12.0, 2.0, (1.8, -1.2, 0.3), COLD, False),
-    ("rim", 110.0, 1.0, (0.9, 2.0, 0.9), COLD, True),
+    ("rim", 260.0, 1.0, (0.9, 2.0, 0.9), COLD, True),
 )
 
 
@@ -173,6 +188,27 @@ def light(stage: Stage):
         yield f"{recipe.name}-before"
         volume.rle_splat.lighting = "SCENE"
         recipe.light(made)
+        for key, value in recipe.after.items():
+            setattr(stage.settings if hasattr(stage.settings, key) else volume.rle_splat, key, value)
         yield f"{recipe.name}-after"
         stage.settings.ambient_occlusion = stage.settings.indirect_light = 0.0
         bpy.context.scene.world = None
+    _save_lights(stage.folder)
+
+
+def _save_lights(folder) -> None:
+    """A .blend with a collection of lights for each recipe, and the world of the studio, for a scan of SIDE meters
+    around the origin."""
+    stage, blocks = Stage(None, folder, Vector(), SIDE), set()
+    for recipe in RECIPES:
+        before = set(bpy.data.objects)
+        recipe.light(stage)
+        lights = bpy.data.collections.new(recipe.name.capitalize())
+        for one in set(bpy.data.objects) - before:
+            lights.objects.link(one)
+        if lights.objects:
+            blocks.add(lights)
+        else:
+            bpy.context.scene.world.name = recipe.name.capitalize()
+            blocks.add(bpy.context.scene.world)
+    bpy.data.libraries.write(str(folder / "light-recipes.blend"), blocks, fake_user=True, compress=True)

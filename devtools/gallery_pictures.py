@@ -41,7 +41,7 @@ def save_jpeg(picture: Image.Image, path: Path, most: int = MOST_BYTES) -> int:
 
 def in_pairs(pictures: dict[str, Image.Image]) -> Image.Image:
     """Four pictures in a row, half as large, each with its name above it, and a plus if it adds to those before; or two
-    pairs, apart, with one name for both."""
+    pairs, apart."""
     width, height = (side // 2 for side in next(iter(pictures.values())).size)
     gap = GAP if any(name.endswith(AFTER) for name in pictures) else 0
     sheet = Image.new("RGB", (4 * width + gap, (height + TITLE) * -(-len(pictures) // 4)), "white")
@@ -49,9 +49,9 @@ def in_pairs(pictures: dict[str, Image.Image]) -> Image.Image:
     for number, (name, picture) in enumerate(pictures.items()):
         left, top = width * (number % 4) + gap * (number % 4 // 2), (height + TITLE) * (number // 4)
         sheet.paste(picture.resize((width, height), Image.Resampling.LANCZOS), (left, top + TITLE))
-        if not name.endswith(AFTER):
-            title = ("" if gap or number < 2 else "+ ") + name.partition("-")[0].capitalize()
-            pen.text((left + 2, top + 3), title, fill="black", font=font)
+        of, _, when = name.partition("-")
+        title = ("" if gap or number < 2 else "+ ") + of.capitalize() + (f", {when}" if when else "")
+        pen.text((left + 2, top + 3), title, fill="black", font=font)
     return sheet
 
 

@@ -33,21 +33,23 @@ NAMES = (
     ("Sternal wires", (-56.0, -65.0, 49.0), (-0.24, 0.2)),
     ("Ascending aorta", (-28.0, -23.0, 42.0), (-0.24, 0.12)),
     ("Right ventricle", (-16.0, -46.0, -33.0), (-0.24, -0.02)),
-    ("Stent", (-7.0, 34.0, 80.0), (0.26, 0.25)),
+    ("Stent graft", (-7.0, 34.0, 80.0), (0.26, 0.25)),
     ("False lumen", (10.0, 53.0, 64.0), (0.26, 0.19)),
-    ("Lung vessels", (18.0, 48.0, 32.0), (0.26, 0.04)),
+    ("Pulmonary vessels", (18.0, 48.0, 32.0), (0.26, 0.04)),
     ("Left ventricle", (8.0, -5.0, -33.0), (0.26, -0.04)),
     ("Splenic artery", (30.0, 1.0, -84.0), (0.26, -0.12)),
 )
 PLUM = (0.2, 0.035, 0.13)  # of the false lumen: blue is for veins
 IN_BONE = (42, 121, 59)  # a voxel, as a click finds it
+IN_WIRE = (40, 9, 94)
 IN_HEART = (76, 59, 77)
 IVORY = (0.72, 0.62, 0.46)  # of bone
+STEEL = (0.2, 0.235, 0.28)
 SHADED = 0.9  # the part of the slice that is lit
 
 
 def _lay_slice(stage: Stage):
-    """An axial slice as the ground, with a window of its own, that takes and casts shadows."""
+    """An axial slice as the ground, with a window of its own, that takes shadows."""
     bpy.context.view_layer.objects.active = stage.volume
     bpy.ops.rle_splat.add_slice(kind="axial")
     made = bpy.context.view_layer.objects.active
@@ -57,7 +59,6 @@ def _lay_slice(stage: Stage):
     ours.slices_follow_window = False
     ours.slice_center, ours.slice_width = 150.0, 900.0
     _let_shade(made)
-    made.visible_shadow = True
     return made
 
 
@@ -93,11 +94,11 @@ def _name(stage: Stage, camera, body: str, place, at: tuple[float, float], coat)
     rod(f"Line to {body}", camera.matrix_world @ begin, end, 0.0007 * width, coat)
 
 
-def _keep(ours, name: str, voxel: tuple[int, int, int]) -> None:
+def _keep(ours, name: str, voxel: tuple[int, int, int], margin: float) -> None:
     """Keep What Is Under the Mouse, and Grow, so that the segment does not cut the surface."""
     bpy.ops.rle_splat.keep_connected(voxel=voxel)
     ours.labels[ours.active_label].label_name = name
-    _change(ours, name, "GROW", 3.0)
+    _change(ours, name, "GROW", margin)
 
 
 def _show(ours, *shown: str) -> None:
@@ -112,20 +113,25 @@ def heart(stage: Stage):
     stage.read_labels(gallery_data.DATA / "cta_aorta_labels/labels_true_false_lumen_uint8.nii.gz")
     ours = stage.volume.rle_splat
     false, true = (next(row.label_name for row in ours.labels if part in row.label_name) for part in ("false", "true"))
-    ours.shift_by = 80.0  # HU: vessels and bones are apart
     _show(ours, "Background")
-    _keep(ours, "Bones", IN_BONE)
+    ours.shift_by = 130.0  # HU: the sternum is apart
+    _keep(ours, "Sternum", IN_WIRE, 4.0)
+    bpy.ops.rle_splat.threshold_segment(low=1100.0, high=ours.value_high)
+    ours.labels[ours.active_label].label_name = "Wires"
+    _change(ours, "Wires", "GROW", 2.0)
+    ours.shift_by = 80.0  # vessels and other bones are apart
+    _show(ours, "Background")
+    _keep(ours, "Bones", IN_BONE, 3.0)
     _show(ours, "Background", true)
-    _keep(ours, "Heart and Vessels", IN_HEART)
+    _keep(ours, "Heart and Vessels", IN_HEART, 2.0)
     ours.shift_by = 0.0
     _change(ours, false, "LARGEST")
-    _change(ours, false, "GROW", 3.0)
+    _change(ours, false, "GROW", 2.0)
+    colors = {false: PLUM, "Bones": IVORY, "Sternum": IVORY, "Wires": STEEL}
     for row in ours.labels:
-        if row.label_name == false:
-            row.color = PLUM
-        elif row.label_name == "Bones":
-            row.use_color, row.color = True, IVORY
-    _show(ours, "Bones", "Heart and Vessels", true, false)
+        row.show = row.label_name != "Background"
+        if row.label_name in colors:
+            row.use_color, row.color = True, colors[row.label_name]
     ours.smoothness, ours.opacity_unit_distance = 3.0, 1.0
     laid = _lay_slice(stage)
     camera = stage.camera((1.75, -1.05, 0.55), lens=42.0, aim=(0.01, 0.017, -0.06))
@@ -183,7 +189,9 @@ def nuclei(stage: Stage):
     bar = BAR_UM / SIDE_UM * stage.size
     white = emission("Letters", (0.85, 0.87, 0.9))
     scale_bar("20 µm", Matrix.Translation(stage.at(-0.3, -0.56, 0.01)), bar, 0.035 * stage.size, white)
-    stage.camera((0.42, -1.25, 1.3), lens=43.0, aim=(-0.02, -0.1, 0.0))
+    camera = stage.camera((0.42, -1.25, 1.3), lens=43.0, aim=(-0.02, -0.1, 0.0))
+    bpy.context.view_layer.update()
+    _name(stage, camera, "Dividing nucleus", (-22.4, -6.7, 1.7), (-0.27, 0.2), white)
     stage.without_background(12)
     stage.key(3.2, (-1.3, -0.5, 1.1))
     stage.area("Rim", 40.0, (1.4, 1.2, 0.9), COLD)

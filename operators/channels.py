@@ -77,6 +77,11 @@ class RLE_SPLAT_OT_import_channel(ImportsVolumes, bpy.types.Operator, ImportHelp
     def poll(cls, context):
         return super().poll(context) and has_editable_values(cls, context)
 
+    @classmethod
+    def description(cls, _context, properties):
+        text = "Add the other channels of the volume's file" if properties.of_file else cls.__doc__
+        return bpy.app.translations.pgettext_tip(text)
+
     def invoke(self, context, _event):
         if self.of_file or not self.use_dialog:
             return self.begin(context)

@@ -61,7 +61,7 @@ class RLE_SPLAT_OT_save_own_preset(bpy.types.Operator):
 
 
 class RLE_SPLAT_OT_delete_own_preset(bpy.types.Operator):
-    """Delete one of your presets, which cannot be undone"""
+    """Delete one of your presets. This cannot be undone"""
 
     bl_idname = "rle_splat.delete_own_preset"
     bl_label = "Delete User Preset"

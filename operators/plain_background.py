@@ -18,7 +18,7 @@ def is_plain(shading, white: bool) -> bool:
 
 
 class RLE_SPLAT_OT_plain_background(bpy.types.Operator):
-    """Make the background of this viewport black, as for an X-ray or a MIP, or white, as for a PET. Click again for the
+    """Make the background of this viewport white, as for a PET, or black, as for an X-ray or a MIP. Click again for the
     background of the theme"""
 
     bl_idname = "rle_splat.plain_background"

@@ -16,7 +16,7 @@ from .overridable import IntProperty, LiveEnum, LiveFloat, LiveInt
 FIXED, HOLD, LOOP = "FIXED", "HOLD", "LOOP"
 PLAYBACK_ITEMS = [
     (FIXED, "Fixed", "Show the volume that Time Point names, which can be keyframed"),
-    (HOLD, "Hold", "Follow the timeline; before the first volume and after the last one, show that one"),
+    (HOLD, "Hold", "Follow the timeline. Hold the first volume before the series and the last one after it"),
     (LOOP, "Loop", "Follow the timeline, and begin again after the last volume"),
 ]
 PREFIX = "rle_splat."  # of the paths of a volume object's properties

@@ -68,7 +68,7 @@ class LabelProperties(bpy.types.PropertyGroup):
         default=OWN, update=evaluate_anew)  # fmt: skip
 
     opacity: FloatProperty(
-        name="Opacity", description="Multiplies the opacity of this segment", default=1.0, min=0.0, max=1.0,
+        name="Opacity", description="Multiply the opacity of this segment", default=1.0, min=0.0, max=1.0,
         subtype="FACTOR", update=evaluate_anew)  # fmt: skip
     shown_color: FloatVectorProperty(
         name="Color", description="Color of the segment. Choosing one shows all voxels of the segment in it, with one "

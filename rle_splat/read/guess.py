@@ -131,7 +131,7 @@ def guess_raw_steps(path, shape=None, dtype=None, byte_order=None, header_bytes=
         candidates = ()
     else:
         candidates = _candidates(size, known)
-        reasons.append(f"It holds {size} bytes" + (" unpacked." if is_gzip(path) else "."))
+        reasons.append(f"The file holds {size:,} bytes" + (" when unpacked." if is_gzip(path) else "."))
     named = name.get("byte_order")
     candidates, decided = _narrow_by_bytes(candidates, known, named, sample, reasons)
     if not candidates:
@@ -298,7 +298,7 @@ def _read_as(sample: bytes, skip: int, dtypes, given, named, reasons: list):
         dtype, order, clear_type, clear_order, _ = _smoothest(sample, skip, dtypes, (named,))
         reasons.append(f"The file name gives {named}-endian; the bytes are ambiguous.")
     elif len(dtypes) * len(orders) > 1:
-        smoothly = f"its values vary {'far' if clear_type and clear_order else 'slightly'} more smoothly than otherwise"
+        smoothly = f"which gives {'far' if clear_type and clear_order else 'slightly'} smoother values than other types"
         is_other = given is None and named not in (None, order)
         but = f"The file name gives {named}-endian, but read" if is_other else "Read"
         reasons.append(f"{but} as {dtype}, {order}-endian, {smoothly}.")

@@ -2,9 +2,9 @@
 
     python3 dev.py blender --photograph tests/blender/record_guides.py --size 1280x800
 
-writes how-to-*.jpg into build/window-shots/record_guides.  In tests/blender/data are: ``scan`` and CHEST, the DICOM
-series of the gallery's skull and of a chest; ``cta_aorta_labels``, the dissected aorta with its segments; and the files
-of RAW, FOOT and HEAD_MR.
+writes how-to-*.jpg into build/window-shots/record_guides.  In tests/blender/data are: ``scan``, the DICOM
+series of the gallery's skull; ``cta_aorta_labels``, the dissected aorta with its segments; and the files of RAW, FOOT
+and HEAD_MR.
 how-to-preferences.jpg is a part of preferences.png of window_panels.py, without paths.
 """
 
@@ -36,7 +36,6 @@ HEAD = "620x560+140+170"
 BEATING, PANEL, REPORT = "280x330+380+230", "260x330+990+448", "975x695+280+82"
 RAW = "cthead_256x256x113_uint16be.raw.gz"
 HEART, BRAIN = f"{AORTA}/cta_heart_aorta_120x126x164_int16.nii.gz", "flair_brain_124x160x140_uint8.nrrd"
-CHEST = "dicom_ct_chest_cta_512x512x95"
 FOOT, HEAD_MR = "foot_256x256x256_uint8_fromjpeg.raw.gz", "t1_head_188x256x190_uint8.nii.gz"
 PANELS = ("transfer", "slices", "shading")  # that are open
 
@@ -96,12 +95,12 @@ def window_tool():
 
 
 def presets():
-    """The grid of presets, with pictures of a chest."""
+    """The grid of presets, with pictures of a heart."""
     open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_display", "RLE_SPLAT_PT_presets")
-    volume = yield from imported("ct-angiography", CHEST)
-    volume.name = "Chest"
+    volume = yield from imported("ct-angiography", HEART)
+    volume.name = "Heart"
     bare()
-    look_from(50.0, 15.0, 0.62)
+    look_from(84.0, 30.0, 0.6)
     with in_the_view():
         assert bpy.ops.rle_splat.remove_table() == {"FINISHED"}
     activate(volume)
@@ -113,7 +112,7 @@ def presets():
 
 
 def kept():
-    """A click on a heart keeps it and what is connected to it."""
+    """A click on a heart keeps it and what is connected to it, but no bones, from which the shift separates it."""
     open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_labels")
     volume = yield from imported("ct-angiography", HEART)
     bare()
@@ -121,11 +120,17 @@ def kept():
     look_from(84.0, 20.0, 0.5)
     yield from settled()
     yield from keep("all", HEAD)
+    volume.rle_splat.shift_by = 130.0  # HU
+    yield from settled()
     with in_the_view():
         assert bpy.ops.rle_splat.pick_connected("INVOKE_DEFAULT") == {"RUNNING_MODAL"}
-    yield from press("LEFTMOUSE", middle())
+    yield from press("LEFTMOUSE", middle(150.0, -60.0))
     yield from settled()
     assert any(row.label_name == "Kept" for row in volume.rle_splat.labels)
+    with in_the_view():
+        assert bpy.ops.rle_splat.change_segment(tool="GROW", length=2.0) == {"FINISHED"}
+    volume.rle_splat.shift_by = 0.0
+    yield from settled()
     yield from keep("kept", HEAD)
     beside("how-to-keep", "all", "kept")
     passed("kept")
@@ -250,34 +255,35 @@ def surface():
 
 
 def live():
-    """A head cut open, with gray values on the cut and a modeled electrode in it, in Material Preview."""
+    """A head from behind, which hides its face, cut open, with gray values on the cut and a modeled electrode in it, in
+    Material Preview."""
     open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_clip_objects")
     volume = yield from imported("mr-head", HEAD_MR)
     bare()
     volume.rle_splat.smoothness, bpy.context.scene.rle_splat.quality = 2.0, "fine"
     view = area_of("VIEW_3D").spaces.active
     view.lens, view.overlay.show_overlays = 85.0, False  # without the box
-    look_from(68.0, 40.0, 0.68)
+    look_from(66.0, 135.0, 0.62)
     corners = import_module(f"{MODULE}.bridge.volumes.box").world_corners(volume)
     middle_of, half = Vector(corners.mean(axis=0)), Vector(np.ptp(corners, axis=0)) / 2
     with in_the_view():
         activate(volume)
         assert bpy.ops.rle_splat.add_clip(kind="BOX", keep="OUTSIDE") == {"FINISHED"}
     box = bpy.context.view_layer.objects.active
-    box.matrix_world = Matrix.LocRotScale(middle_of + Vector((half.x, -half.y, half.z)), None, half)
+    box.matrix_world = Matrix.LocRotScale(middle_of + half, None, half)
     ours = volume.rle_splat
-    for kind, toward in (("sagittal", (1.0, 0.0, 0.0)), ("coronal", (0.0, -1.0, 0.0)), ("axial", (0.0, 0.0, 1.0))):
+    for kind, toward in (("sagittal", (1.0, 0.0, 0.0)), ("coronal", (0.0, 1.0, 0.0)), ("axial", (0.0, 0.0, 1.0))):
         with in_the_view():
             activate(volume)
             assert bpy.ops.rle_splat.add_slice(kind=kind) == {"FINISHED"}
-        one, to_quarter = bpy.context.view_layer.objects.active, Vector((half.x, -half.y, half.z)) / 2
+        one, to_quarter = bpy.context.view_layer.objects.active, half / 2
         along = Vector(0.0 if side else to_quarter[axis] for axis, side in enumerate(toward))
         # Half as large, on the cut, half a millimeter before it.
         place = Matrix.Translation(along + 0.0005 * Vector(toward))
         one.matrix_world = place @ one.matrix_world @ Matrix.Scale(0.5, 4)
     ours.slices_clear_black, ours.slices_follow_window = True, False
     ours.slice_center, ours.slice_width = 90.0, 160.0
-    tip = middle_of + Vector((0.012, -0.0005, 0.012))  # half embedded in the coronal cut
+    tip = middle_of + Vector((0.012, 0.0005, 0.012))  # half embedded in the coronal cut
     for name, radius, length, color in (
         ("Lead", 0.0007, 0.11, (0.5, 0.53, 0.58)),
         ("Contact", 0.0009, 0.012, (1.0, 0.3, 0.05)),

@@ -48,10 +48,10 @@ def test_no_word_of_a_name_overrules_the_bytes(tmp_path, kind, low, high, order,
     assert (guess.byte_order, guess.certain) == (ORDERS[order], True), guess.reasons
     layout, (remark,), _ = drain(layout_steps(path, SHAPE, dtype))
     assert layout.byte_order == ORDERS[order] and f"assumed to be {ORDERS[order]}" in remark
-    assert "far more smoothly" in remark
+    assert "far smoother" in remark
     volume = read_volume(path, dtype=dtype)
     np.testing.assert_array_equal(volume.voxels, values)
-    assert any("far more smoothly" in remark for remark in volume.remarks)
+    assert any("far smoother" in remark for remark in volume.remarks)
 
 
 @pytest.mark.parametrize("order", ORDERS)
