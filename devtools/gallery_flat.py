@@ -18,7 +18,7 @@ BLACK = (0.0, 0.0, 0.0)
 # Of the cortex, for each channel: level, window, opacity unit distance in µm, name, and the color of the name.
 CHANNELS = (
     (1900.0, 2000.0, 10.0, "Labeled cells", (0.0, 1.0, 0.0)),
-    (450.0, 600.0, 120.0, "Background", (1.0, 0.1, 1.0)),
+    (500.0, 700.0, 170.0, "Background", (1.0, 0.1, 1.0)),
 )
 BAR_UM = 100.0
 

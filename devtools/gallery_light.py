@@ -66,7 +66,7 @@ def _skin(stage: Stage) -> None:
 
 
 def _smoke(stage: Stage) -> None:
-    stage.lamp("Within", "POINT", 7.0, (0.0, 0.0, -0.22), (1.0, 0.2, 0.03), shadow_soft_size=0.1)
+    stage.lamp("Within", "POINT", 3.6, (0.0, 0.0, -0.22), (1.0, 0.2, 0.03), shadow_soft_size=0.1)
     stage.lamp("Sun", "SUN", 0.6, (-1.4, -0.4, 1.3), COLD)
 
 

@@ -10,7 +10,7 @@ import math
 
 import bpy
 import gallery_data
-from demo_scene import rod
+from demo_scene import named, rod
 from gallery_flat import cortex, pet
 from gallery_light import lamps, light
 from gallery_skull import skull
@@ -30,6 +30,7 @@ MM = 0.001
 PLATE = -112.0  # the height of the slice above the middle of the scan
 # Names, the place of each in mm from the middle of the scan, and that of its text in the picture, in widths.
 NAMES = (
+    ("Veins with contrast", (-56.0, -29.0, 110.0), (-0.24, 0.29)),
     ("Sternal wires", (-56.0, -65.0, 49.0), (-0.24, 0.2)),
     ("Ascending aorta", (-28.0, -23.0, 42.0), (-0.24, 0.12)),
     ("Right ventricle", (-16.0, -46.0, -33.0), (-0.24, -0.02)),
@@ -92,6 +93,8 @@ def _name(stage: Stage, camera, body: str, place, at: tuple[float, float], coat)
     into = camera.matrix_world.inverted() @ (stage.middle + MM * Vector(place))
     end = camera.matrix_world @ (into * (depth / -into.z))
     rod(f"Line to {body}", camera.matrix_world @ begin, end, 0.0007 * width, coat)
+    bpy.ops.mesh.primitive_uv_sphere_add(radius=0.0025 * width, location=end)
+    named(f"End at {body}", coat).visible_shadow = False
 
 
 def _keep(ours, name: str, voxel: tuple[int, int, int], margin: float) -> None:
@@ -116,9 +119,8 @@ def heart(stage: Stage):
     _show(ours, "Background")
     ours.shift_by = 130.0  # HU: the sternum is apart
     _keep(ours, "Sternum", IN_WIRE, 4.0)
-    bpy.ops.rle_splat.threshold_segment(low=1100.0, high=ours.value_high)
+    bpy.ops.rle_splat.threshold_segment(low=700.0, high=ours.value_high)
     ours.labels[ours.active_label].label_name = "Wires"
-    _change(ours, "Wires", "GROW", 2.0)
     ours.shift_by = 80.0  # vessels and other bones are apart
     _show(ours, "Background")
     _keep(ours, "Bones", IN_BONE, 3.0)

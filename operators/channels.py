@@ -54,7 +54,8 @@ class RLE_SPLAT_OT_add_channels(LoadsFirst, bpy.types.Operator):
 
 
 class RLE_SPLAT_OT_import_channel(ImportsVolumes, bpy.types.Operator, ImportHelper):
-    """Overlay another file, such as a PET or a dose on a CT, with its own transfer function"""
+    """Overlay another file, such as a PET or a dose on a CT, or the other channels of this volume's file, each with
+    its own transfer function"""
 
     bl_idname = "rle_splat.import_channel"
     bl_label = "Add File"
@@ -76,11 +77,6 @@ class RLE_SPLAT_OT_import_channel(ImportsVolumes, bpy.types.Operator, ImportHelp
     @classmethod
     def poll(cls, context):
         return super().poll(context) and has_editable_values(cls, context)
-
-    @classmethod
-    def description(cls, _context, properties):
-        text = "Add the other channels of the volume's file" if properties.of_file else cls.__doc__
-        return bpy.app.translations.pgettext_tip(text)
 
     def invoke(self, context, _event):
         if self.of_file or not self.use_dialog:

@@ -29,8 +29,8 @@ def add_mixing_options(parser) -> None:
         "--label-functions",
         metavar="FILE.json",
         help="colors and transfer functions of the segments; a list of {label, name, hidden, color, preset, "
-        "transfer_function}, or a label description of ITK-SNAP (.txt, .label); without it, the names and colors in "
-        "the label file, or distinct colors if it has none",
+        "transfer_function, opacity, solid}, or a label description of ITK-SNAP (.txt, .label); without it, the names "
+        "and colors in the label file, or distinct colors if it has none",
     )
     group.add_argument(
         "--label-edges", choices=LABEL_EDGES, default=LABEL_EDGES[0], metavar="|".join(LABEL_EDGES),

@@ -117,14 +117,15 @@ def kept():
     volume = yield from imported("ct-angiography", HEART)
     bare()
     activate(volume)
-    look_from(84.0, 20.0, 0.5)
+    area_of("VIEW_3D").spaces.active.overlay.show_overlays = False  # without the box
+    look_from(84.0, 20.0, 0.56)
     yield from settled()
     yield from keep("all", HEAD)
     volume.rle_splat.shift_by = 130.0  # HU
     yield from settled()
     with in_the_view():
         assert bpy.ops.rle_splat.pick_connected("INVOKE_DEFAULT") == {"RUNNING_MODAL"}
-    yield from press("LEFTMOUSE", middle(150.0, -60.0))
+    yield from press("LEFTMOUSE", middle(140.0, -50.0))
     yield from settled()
     assert any(row.label_name == "Kept" for row in volume.rle_splat.labels)
     with in_the_view():
