@@ -358,7 +358,7 @@ class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelpe
         else:
             row = layout.row(heading="Spacing")
             row.alert = bool(self.paths())
-            row.prop(self, "use_file_spacing", text="Type the Spacing", toggle=True)
+            row.prop(self, "use_file_spacing", text="Enter Spacing", toggle=True)
         layout.prop(self, "length_unit_given")
         if all(self.shape) and self.dtype != "AUTO":
             size = bytes_text(source_options.bytes_of(self))

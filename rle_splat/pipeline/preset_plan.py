@@ -66,8 +66,8 @@ def choose_plan(source: Source, cache: StageCache) -> Source:
     else:
         why = (
             f"{said}; {figure_text(expected)}/255 is expected. Edges are sharp here ({figure_text(rough)}/255 within "
-            f"half a voxel), so the settings are {chosen.describe()}. With the usual ones, "
-            f"{figure_text(usual.error(rough))}/255 would be expected."
+            f"half a voxel), so the settings are {chosen.describe()}. The usual settings would "
+            f"give about {figure_text(usual.error(rough))}/255."
         )
     if expected > EXPECTED_SHARE * aim:
         why += " No settings are expected to have less error."
