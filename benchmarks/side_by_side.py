@@ -93,7 +93,7 @@ SUBJECTS = {
 # Presets on scans of three modalities.
 PRESETS = {
     "CT skull: Bone": Subject("dicom_ct_skull_phantom_512x512x140", "ct-bone", (30, 0), 0.9, *ALONE),
-    "CT heart: Angiography": Subject(HEART, "ct-angiography", (50, 8), 1.1, kept_from=130.0),
+    "CT heart: Angio": Subject(HEART, "ct-angiography", (50, 8), 1.1, kept_from=130.0),
     "CT chest: Soft Tissue": Subject(CHEST, "ct-soft-tissue", (15, -50), 1.08, *ALONE),
     "CT chest: Lung": Subject(CHEST, "ct-lung", (0, -65), 1.16, *ALONE),
     "MR T1: Head": Subject("t1_head_188x256x190_uint8.nii.gz", "mr-head", (35, 10), 1.1),

@@ -79,9 +79,9 @@ def groups(properties) -> list[PresetGroup]:
         if not is_offered(name, properties):
             continue
         if PRESETS[name].modality in (modality, None):
-            suits.append(Entry(name, _short(label).removeprefix(f"{kind} "), description))  # the heading says it
+            suits.append(Entry(name, label.removeprefix(f"{kind} "), description))  # the heading says it
         else:
-            others.append(Entry(name, _short(label), description))
+            others.append(Entry(name, label, description))
     own = [Entry(one.name, one.name, "User preset", one.stamp) for one in own_presets.listed()]
     found = [
         PresetGroup("SUITS", filled("For {kind}", kind=kind) if kind else filled("For Any Scan"), tuple(suits), True),
@@ -89,11 +89,6 @@ def groups(properties) -> list[PresetGroup]:
         PresetGroup("OTHERS", filled("Others"), tuple(others), False),
     ]
     return [group for group in found if group.entries]
-
-
-def _short(label: str) -> str:
-    """A label that fits under a picture of three in a row, at the sidebar's default width."""
-    return label.replace("Skin and Bone", "Skin, Bone").replace("Angiography", "Angio")
 
 
 def transfer_steps(entry: Entry, volume):

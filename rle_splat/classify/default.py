@@ -112,7 +112,7 @@ def _proposals(volume: Volume, spread: Histogram, has_contrast: bool):
             yield part, f"the modality is {volume.modality} and the name of the volume contains {word}"
     if volume.value_unit == "HU":
         if has_contrast:
-            yield "ct-angiography", "the values are Hounsfield units and include vessels filled with contrast medium"
+            yield "ct-angiography", "vessels are filled with contrast medium"
         bone = spread.counts[spread.centers >= BONE_HU].sum() + spread.above
         if bone >= BONE_SHARE * spread.total:
             yield "ct-bone", "the values are Hounsfield units and include bone"
