@@ -365,8 +365,8 @@ def join_crops(programs, path: Path, quality: int) -> None:
 
 
 def join_presets(names, size: int, path: Path, quality: int) -> None:
-    """Draw PRESETS of some names at ``strict``, and join them to a sheet, three in a row."""
-    quality_of_ours = Quality.preset("strict", threads=1)
+    """Draw PRESETS of some names at ``fine``, and join them to a sheet, three in a row."""
+    quality_of_ours = Quality.preset("fine", threads=1)
     pictures = [(name, _shown(render(scene_of(PRESETS[name], size), quality_of_ours).rgba, None)) for name in names]
     _save(pictures, 3, path, quality)
 

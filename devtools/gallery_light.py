@@ -75,7 +75,7 @@ def _specimen(stage: Stage) -> None:
     stage.area("Rim", 170.0, (1.5, 1.2, 0.4), COLD, use_shadow=True)
 
 
-SOFTBOXES = (((-1.5, -0.6, 1.1), 20.0, (27.0, 25.0, 23.0)), ((1.5, 0.7, 0.3), 16.0, (18.0, 23.0, 30.0)))
+SOFTBOXES = (((-1.5, -0.6, 1.1), 20.0, (17.0, 15.7, 14.5)), ((1.5, 0.7, 0.3), 16.0, (13.0, 17.0, 22.0)))
 OPAQUE = {"opacity_unit_distance": 0.05, "smoothness": 2.0, "shift_by": -100.0}  # mm, mm, HU: thin bone is whole
 RECIPES = (
     Recipe(
@@ -124,7 +124,7 @@ RECIPES = (
 
 LAMPS = (  # watts, size and place of area lights, in parts of the scan's longest side; watts for a side of 1 m
     ("key", 60.0, 1.0, (-1.4, -1.3, 1.3), WARM, True),
-    ("fill", 12.0, 2.0, (1.8, -1.2, 0.3), COLD, False),
+    ("fill", 6.0, 2.0, (1.8, -1.2, 0.3), COLD, False),
     ("rim", 260.0, 1.0, (0.9, 2.0, 0.9), COLD, True),
 )
 

@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..bridge.live import slice_pictures, slices
+from ..bridge.live import slice_pictures, slice_places, slices
 from ..bridge.translations import with_unit
 from ..bridge.volumes import volumes
 from ..operators.window_level import ITEMS as WINDOW_ITEMS
@@ -24,15 +24,17 @@ class RLE_SPLAT_PT_slices(Sidebar, bpy.types.Panel):
         for kind in ("axial", "coronal", "sagittal"):
             row.operator("rle_splat.add_slice", text=kind.title()).kind = kind
         is_quad = context.space_data is not None and len(getattr(context.space_data, "region_quadviews", ()))
-        layout.operator("rle_splat.four_up", icon="SNAP_FACE", depress=bool(is_quad))
+        layout.operator("rle_splat.four_up", icon="MESH_GRID", depress=bool(is_quad))
         found = slices.slice_objects(context.scene)
         if not found:
             return
+        depsgraph = context.evaluated_depsgraph_get()
         for one in found:
             halves = layout.split(factor=0.5, align=True)
             unit = one.parent.rle_splat.length_unit if one.parent is not None else ""
-            name = with_unit(_short_name(one), unit)
-            halves.operator("rle_splat.choose_object", text=name, icon="MESH_PLANE", emboss=False).name = one.name
+            side = slice_places.side_letter(one, depsgraph)
+            name = with_unit(_short_name(one), ", ".join(filter(None, (side, unit))))
+            halves.operator("rle_splat.choose_object", text=name, icon="IMAGE_DATA", emboss=False).name = one.name
             row = halves.row(align=True)
             row.prop(one.rle_splat, "slice_position", text="")
             row.prop(one, "hide_viewport", text="")

@@ -6,7 +6,9 @@ import numpy as np
 from mathutils import Matrix, Vector
 
 from ...rle_splat.scene import RleSplatError
+from ...rle_splat.volume.orientation import LETTERS
 from ...rle_splat.volume.slices import SLICE_NAMES
+from ...rle_splat.volume.volume import PATIENT
 from ..look import probe
 from ..scene.viewports import SIDES
 from ..translations import translate
@@ -37,18 +39,36 @@ def _normal(one) -> Vector:
     return one.matrix_world.to_3x3().col[0].cross(one.matrix_world.to_3x3().col[1]).normalized()
 
 
-def place_text(one, depsgraph) -> str:
-    """How a slice lies and where its middle is, such as "Axial, S 12.3 mm"; "" if its voxels are not in memory."""
+def _place_of(one, depsgraph) -> tuple | None:
+    """How a slice lies and where its middle is: (volume, axis of its normal, point of the volume's own space); None if
+    its voxels are not in memory."""
     owner = slices.volume_of(one)
     if owner is None or volumes.at_hand(owner, depsgraph) is None:
-        return ""
+        return None
     try:
         volume, matrix, _window = slices.content(one, depsgraph)
     except RleSplatError:
-        return ""
+        return None
     right, up, _ahead, middle = (volume.affine @ matrix)[:3].T
-    axis = int(np.abs(np.cross(right, up)).argmax())
+    return volume, int(np.abs(np.cross(right, up)).argmax()), middle
+
+
+def place_text(one, depsgraph) -> str:
+    """How a slice lies and where its middle is, such as "Axial, S 12.3 mm"; "" if its voxels are not in memory."""
+    found = _place_of(one, depsgraph)
+    if found is None:
+        return ""
+    volume, axis, middle = found
     return f"{translate(SLICE_NAMES[axis].title())}, {probe.position_text(middle, volume, [axis])}"
+
+
+def side_letter(one, depsgraph) -> str:
+    """The side of the patient's origin on which a slice lies, such as "S"; "" if that is not known."""
+    found = _place_of(one, depsgraph)
+    if found is None or found[0].space != PATIENT:
+        return ""
+    _volume, axis, middle = found
+    return LETTERS[axis][middle[axis] >= 0.0]
 
 
 def under(context, mouse):

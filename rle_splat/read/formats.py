@@ -189,7 +189,7 @@ def _with_guessed_unit(volume: Volume) -> Volume:
     """The volume as CT in HU, with a remark, if its values look like it and nothing else is known of them."""
     if volume.value_unit is not None or volume.modality not in (None, "CT") or not looks_like_hounsfield(volume):
         return volume
-    remark = "Taken as a CT in HU, by the peaks of its values."
+    remark = "Taken as a CT in HU."
     return replace(volume, value_unit="HU", modality="CT", remarks=(*volume.remarks, remark))
 
 

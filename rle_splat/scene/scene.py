@@ -14,7 +14,8 @@ from .checks import as_color, as_matrix, identity, is_finite_number, positive
 from .clip import Clip
 from .environment import Environment
 from .errors import RleSplatError
-from .further_volumes import Labels, is_same_grid
+from .further_volumes import Channel, Labels, is_same_grid
+from .light import Light
 from .mist import Mist
 
 if TYPE_CHECKING:
@@ -179,8 +180,11 @@ class Scene:
             self._check_panes()
         if len(self.motion) == 1:
             raise RleSplatError("Motion needs no pose or at least two, from the opening to the closing of the shutter.")
-        if not (isinstance(self.clips, tuple) and all(isinstance(clip, Clip) for clip in self.clips)):
-            raise RleSplatError("The scene's clips must be a tuple of Clip objects (planes and boxes).")
+        for name, kind in (("clips", Clip), ("lights", Light), ("channels", Channel)):
+            value = getattr(self, name)
+            if not (isinstance(value, (tuple, list)) and all(isinstance(one, kind) for one in value)):
+                raise RleSplatError(f"The scene's {name} must be a tuple of {kind.__name__} objects.")
+            object.__setattr__(self, name, tuple(value))
         if self.world is not None:
             object.__setattr__(self, "world", as_color(self.world, "The world's light"))
         elif self.environment is not None:
@@ -190,6 +194,8 @@ class Scene:
             if not (is_finite_number(value) and 0.0 <= value <= 1.0):
                 named = name.replace("_", " ").capitalize()
                 raise RleSplatError(f"{named} must be a number from 0 to 1, not {short(value)}.")
+        if not isinstance(self.labels, Labels | None):
+            raise RleSplatError(f"The scene's labels must be a Labels object, not a {type(self.labels).__name__}.")
         if self.labels is not None:
             self._check_grid(self.labels.volume, "label volume")
         for channel in self.channels:

@@ -35,7 +35,7 @@ def test_a_raw_file_with_the_peaks_of_air_and_water_is_ct(tmp_path):
     path, options = raw_of(tmp_path, body())
     volume = read_volume(path, **options)
     assert (volume.modality, volume.value_unit) == ("CT", "HU")
-    assert sum("peaks of air or lungs (below -700) and water (0)" in remark for remark in volume.remarks) == 1
+    assert sum("Taken as a CT in HU" in remark for remark in volume.remarks) == 1
     assert "ct-bone" in default_transfer_function(volume)[1]
 
 
@@ -50,7 +50,7 @@ def test_what_is_given_counts_more(tmp_path, given):
     path, options = raw_of(tmp_path, body())
     volume = read_volume(path, **options, **given)
     assert {name: getattr(volume, name) for name in given} == given
-    assert not any("peaks of air" in remark for remark in volume.remarks)
+    assert not any("Taken as a CT" in remark for remark in volume.remarks)
 
 
 @pytest.mark.parametrize("values", [

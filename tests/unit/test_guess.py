@@ -63,7 +63,7 @@ def test_with_a_known_shape_the_bytes_tell_type_and_order(tmp_path, dtype, low, 
     guess = guess_raw(file_of(tmp_path, "scan.raw.gz", (40, 30, 20), dtype, low), shape=(40, 30, 20))
     assert (guess.dtype, guess.byte_order) == expected
     assert guess.certain
-    assert any("smoothly" in reason for reason in guess.reasons)
+    assert any("smoother" in reason for reason in guess.reasons)
 
 
 def test_without_a_shape_it_proposes_but_is_not_certain(tmp_path):

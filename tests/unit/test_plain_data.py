@@ -3,7 +3,11 @@
 import numpy as np
 import pytest
 
-from rle_splat import Camera, Labels, Rendering, RleSplatError, Scene, Volume, encode, png_bytes, preset, render
+from rle_splat import Camera, Labels, Light, Rendering, RleSplatError, Scene, Volume, encode, png_bytes, preset, render
+
+
+def scene_with(**given):
+    return Scene(Volume(np.zeros((3, 4, 5), np.uint8), np.eye(4)), preset("ct-bone"), Camera(), **given)
 
 
 def test_volumes_scenes_and_pictures_print_as_one_line():
@@ -17,6 +21,11 @@ def test_volumes_scenes_and_pictures_print_as_one_line():
     assert repr(Rendering(np.zeros((3, 4, 4)), np.zeros((3, 4)), {})) == "<Rendering of 4 x 3 pixels>"
 
 
+def test_a_list_of_lights_is_taken_as_a_tuple():
+    light = Light()
+    assert scene_with(lights=[light]).lights == (light,)
+
+
 @pytest.mark.parametrize(
     ("make", "words"),
     [
@@ -24,8 +33,11 @@ def test_volumes_scenes_and_pictures_print_as_one_line():
         (lambda: Labels(np.zeros((2, 2, 2), int)), "not a ndarray"),
         (lambda: render(None, "fine"), "not 'fine'"),
         (lambda: png_bytes(np.zeros((2, 2, 4)), background="white"), "three finite numbers"),
+        (lambda: scene_with(labels=Volume(np.zeros((3, 4, 5), np.uint8), np.eye(4))), "a Labels object, not a Volume"),
+        (lambda: scene_with(lights=Light()), "a tuple of Light objects"),
+        (lambda: scene_with(channels=("pet",)), "a tuple of Channel objects"),
     ],
-    ids=["voxels", "labels", "quality", "background"],
+    ids=["voxels", "labels", "quality", "background", "labels of a scene", "lights", "channels"],
 )
 def test_a_value_of_another_type_gets_one_sentence(make, words):
     with pytest.raises(RleSplatError, match=words) as raised:
