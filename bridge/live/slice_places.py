@@ -68,7 +68,7 @@ def side_letter(one, depsgraph) -> str:
     if found is None or found[0].space != PATIENT:
         return ""
     _volume, axis, middle = found
-    return LETTERS[axis][middle[axis] >= 0.0]
+    return LETTERS[axis][bool(middle[axis] >= 0.0)]
 
 
 def under(context, mouse):
