@@ -118,3 +118,31 @@ def mix_layers(layers: DepthLayers, region, behind, rgba, depth, far_rgba, far_d
     seen, beyond = (one[past].view(np.float32).reshape(-1, 4) for one in (whole, far))
     whole[past] = (share * seen + (1.0 - share) * beyond).view(np.complex128)[:, 0]
     np.copyto(depth[part], far_depth, where=coverage < 0.5)
+
+
+def trace_layers(layers: DepthLayers, trace, columns, rows, at) -> tuple[np.ndarray, np.ndarray]:
+    """Trace single rays to both layers and mix them, as ``mix_layers`` does.
+
+    Parameters
+    ----------
+    trace : callable
+        ``trace(columns, rows, ends)`` returns color and depth (see ``RayEffect.trace``).
+    columns, rows : (n,) ndarray of int
+        From the left and the top of the picture.
+    at : tuple of (n,) ndarray of int
+        Rows and columns of these pixels in the layers.
+
+    Returns
+    -------
+    rgba : (n, 4) ndarray of float32
+    depth : (n,) ndarray of float32
+    """
+    rgba, depth = trace(columns, rows, layers.near[at])
+    past = None if layers.coverage is None else layers.coverage[at] < 1.0
+    if past is None or not past.any():
+        return rgba, depth
+    at = tuple(index[past] for index in at)
+    share, (beyond, far_depth) = layers.coverage[at], trace(columns[past], rows[past], layers.far[at])
+    rgba[past] = share[:, None] * rgba[past] + (1.0 - share[:, None]) * beyond
+    depth[past] = np.where(share < 0.5, far_depth, depth[past])
+    return rgba, depth

@@ -13,7 +13,7 @@ from ..view.projection import depth_row
 from ..view.ray_intervals import pixels_read
 from .camera_clip import find_volume_depths
 from .depth_layers import HALO, DepthLayers, depth_layers_steps
-from .far_layer import layers_to_splat, leave_out_like, mix_layers, take_like
+from .far_layer import layers_to_splat, leave_out_like, mix_layers, take_like, trace_layers
 from .kind import Kind
 from .mesh_depth import mesh_depth
 from .ray_pass import RayEffect, RayPass
@@ -64,6 +64,11 @@ class MeshSurfaces(RayEffect):
             ray_pass.images[number] = image
         else:
             take_like(image, ray_pass.before.images.get(number), ray_pass.alike[number])
+
+    def trace(self, trace, columns, rows):
+        """See ``RayEffect.trace``; a pixel on a silhouette has a ray for each layer."""
+        left, top = (old - first for old, first in zip(self._scene.region[:2], self._layers.first_pixel, strict=True))
+        return trace_layers(self._layers, trace, columns, rows, (rows + top, columns + left))
 
     def mix(self, ray_pass: RayPass, picture, found):
         """See ``RayEffect.mix``."""

@@ -6,6 +6,7 @@ the order in which they shorten rays; a new one is a module with a subclass and 
 """
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -103,6 +104,25 @@ class RayEffects:
         for effect in self._chain:
             picture = effect.mix(ray_pass, picture, found)
         return picture
+
+    def trace(self, trace, columns, rows):
+        """Trace single rays through pixels of the picture, to the meshes in it.
+
+        Parameters
+        ----------
+        trace : callable
+            ``trace(columns, rows, ends)``, as ``RayEffect.trace`` has it.
+        columns, rows : (n,) ndarray of int
+            From the left and the top of the picture.
+
+        Returns
+        -------
+        rgba : (n, 4) ndarray of float32
+        depth : (n,) ndarray of float32
+        """
+        for effect in self._chain:
+            trace = partial(effect.trace, trace)
+        return trace(columns, rows)
 
     def clamp_to_clip(self, depth: np.ndarray) -> np.ndarray:
         """Clamp depths to the camera's clip distances where rays were shortened.

@@ -135,6 +135,23 @@ class RayEffect:
         """
         return picture
 
+    def trace(self, trace, *pixels):
+        """Trace single rays through pixels of the picture.
+
+        Parameters
+        ----------
+        trace : callable
+            ``trace(columns, rows, ends)`` returns (n, 4) and (n,) float32, color and depth of pixels; ``ends``: planar
+            depths at which meshes end their rays, none without it.
+        *pixels : (n,) ndarray
+            The first of these, from the left and the top of the picture, or all.
+
+        Returns
+        -------
+        rgba, depth : as ``trace`` returns them
+        """
+        return trace(*pixels)
+
     def tint(self, rgba: np.ndarray, depth: np.ndarray, corner: tuple[int, int]) -> np.ndarray:
         """The finished picture as the effect colors it.
 

@@ -145,7 +145,7 @@ def _sharp_steps(source: Source, cache: StageCache, refuse_empty_view: bool, clo
     # Rays: where the plan asks for it, the pixels that differ most from their neighbors are integrated one by one.  For
     # that, a crop has been splatted with its neighbors; the wanted pixels are cut out here.
     rgba, depth, traced = yield from retrace_steps(
-        picture.source, picture.wanted.region, picture.view.index_view, medium, rgba, depth, clock
+        picture.source, picture.wanted.region, picture.view.index_view, medium, picture.ray_effects, rgba, depth, clock
     )
     # Glass of the scene tints what is seen through it.
     rgba = picture.ray_effects.tint(rgba, depth, picture.wanted.region[:2])

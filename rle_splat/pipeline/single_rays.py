@@ -1,16 +1,19 @@
 """Single rays: pixels of a picture that are integrated one by one, where sheets and warp err most.
 
-Single rays go through the same voxels, lookup table and light as the sheets, and the same box and clip distances end
-them.  They leave out the resampling of sheets and the warp.
+Single rays go through the same voxels, lookup table and light as the sheets, and the same box, clip distances, clip
+objects and meshes end them.  They leave out the resampling of sheets and the warp.
 """
 
 from __future__ import annotations
 
 from dataclasses import MISSING, fields, replace
+from functools import partial
 
 import numpy as np
 
+from ..effects.clips import cuts_of
 from ..effects.mixing import is_sampled
+from ..effects.ray_effects import RayEffects
 from ..raycast.rays import rays_through
 from ..runtime.figures import percent_text
 from ..runtime.steps import Clock, Progress
@@ -29,13 +32,13 @@ LEAST_SLABS = 4
 # Fields of a scene that single rays take into account; every other field must have its default.
 KNOWN = {
     "volume", "transfer_function", "camera", "width", "height", "volume_matrix", "scene_scale", "lights", "headlight",
-    "crop", "effects", "volume_shadows", "world", "environment", "ambient_occlusion", "indirect_light",
-    "channels", "labels", "reasons_off",
+    "triangles", "ray_ends", "panes", "pane_shares", "crop", "effects", "motion", "clips", "volume_shadows", "world",
+    "environment", "ambient_occlusion", "indirect_light", "channels", "labels", "reasons_off",
 }  # fmt: skip
 
 
 def can_trace(source: Source) -> bool:
-    """Whether pixels can be integrated by single rays: of post-classified values, and without meshes."""
+    """Whether pixels can be integrated by single rays: of post-classified values, and without mist."""
     scene = source.scene
     if not source.traces_rays or min(scene.volume.shape_xyz) < 2:
         return False
@@ -84,20 +87,24 @@ def trace_steps(scene: Scene, view: IndexView, medium: Medium, columns, rows, sl
     for first in range(0, len(columns), RAYS_AT_ONCE):
         yield first / len(columns)
         part = slice(first, first + RAYS_AT_ONCE)
-        rgba[part], _ = _trace(scene, view, medium, planes, columns[part], rows[part], slabs, work[part])
+        rgba[part], _ = _trace(scene, view, medium, planes, slabs, columns[part], rows[part], work=work[part])
     return rgba, work
 
 
-def _trace(scene: Scene, view: IndexView, medium: Medium, planes: dict, columns, rows, slabs: int, work=None):
+def _trace(
+    scene: Scene, view: IndexView, medium: Medium, planes: dict, slabs: int, columns, rows, ends=np.inf, work=None
+):
     """Premultiplied rgba (n, 4) and depths (n,), float32, of pixels of the picture; NO_DEPTH where there is none.
 
-    ``planes``: base planes by axis and sign, filled as they are needed.  ``work``: (n, 2) int32, filled, or None.
+    ``planes``: base planes by axis and sign, filled as they are needed.  ``ends``: planar depth at which a mesh ends
+    each ray, a number or (n,).  ``work``: (n, 2) int32, filled, or None.
     """
     left, top = scene.region[:2]
     columns, rows = columns + (left + 0.5), rows + (top + 0.5)
     axes, signs = dominant_axis(view.ray_directions(columns, rows))
     rgba, depth = np.zeros((len(columns), 4), np.float32), np.full(len(columns), NO_DEPTH, np.float32)
-    shape, clip = scene.volume.shape_xyz, (scene.camera.clip_start, scene.camera.clip_end)
+    shape, cuts = scene.volume.shape_xyz, cuts_of(scene, medium.quality)
+    ends = np.broadcast_to(np.minimum(ends, scene.camera.clip_end), columns.shape)
     for axis, sign in candidate_pyramids(view):
         mine = np.flatnonzero((axes == axis) & (signs == sign))
         if not len(mine):
@@ -105,7 +112,8 @@ def _trace(scene: Scene, view: IndexView, medium: Medium, planes: dict, columns,
         if (axis, sign) not in planes:
             planes[axis, sign] = base_plane(view, shape, axis, sign, "slice", 1.0, boxed=True)
         if planes[axis, sign] is not None:
-            rays = rays_through(planes[axis, sign], view, shape, columns[mine], rows[mine], clip)
+            clip = scene.camera.clip_start, ends[mine]
+            rays = rays_through(planes[axis, sign], view, shape, columns[mine], rows[mine], clip, cuts)
             own = np.empty((len(mine), 2), np.int32)
             rgba[mine], half = medium.trace(rays, slabs, own)
             if work is not None:
@@ -115,13 +123,17 @@ def _trace(scene: Scene, view: IndexView, medium: Medium, planes: dict, columns,
     return rgba, depth
 
 
-def retrace_steps(source: Source, wanted, view: IndexView, medium: Medium, rgba, depth, clock: Clock):
+def retrace_steps(
+    source: Source, wanted, view: IndexView, medium: Medium, ray_effects: RayEffects, rgba, depth, clock: Clock
+):
     """Generator of Progress: integrate the steep pixels of a picture by single rays, where its plan asks for it.
 
     Parameters
     ----------
     source : Source
         Of the picture.
+    ray_effects : RayEffects
+        Those of its sheets.
     wanted : (left, top, right, bottom)
         The pixels of the whole frame that are returned.
     rgba, depth : (H, W, 4) and (H, W) float32
@@ -148,7 +160,8 @@ def retrace_steps(source: Source, wanted, view: IndexView, medium: Medium, rgba,
             yield Progress(0.95 + 0.04 * first / len(where), "Computing exact pixels")
             rows, columns = np.divmod(where[first : first + RAYS_AT_ONCE], steep.shape[1])
             pixels = columns + inner[1].start, rows + inner[0].start
-            rgba[rows, columns], depth[rows, columns] = _trace(scene, view, medium, planes, *pixels, slabs)
+            trace = partial(_trace, scene, view, medium, planes, slabs)
+            rgba[rows, columns], depth[rows, columns] = ray_effects.trace(trace, *pixels)
     return rgba, depth, {"pixels": len(where), "share": len(where) / max(steep.size, 1), "slabs": slabs}
 
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..view.base_plane import BasePlane
+from ..view.clip_intervals import Cuts, clip_rays
 from ..view.eye import IndexView
 from ..volume.axes import AXES
 from ..volume.stored_scalars import StoredScalars
@@ -51,8 +52,8 @@ class RayList(NamedTuple):
     """Rays of one principal axis.
 
     At ``s`` voxels along the viewing direction of that axis a ray is at voxel ``first + s * step``, each (n, 3) float64
-    of x, y, z; it is followed from ``enter`` to ``leave`` (n,).  ``length``: (n,) world length per voxel of depth.
-    ``depth``: (n, 2) planar depth at ``s`` = 0 and per voxel of ``s``.
+    of x, y, z; it is followed from ``enter`` to ``leave`` (pieces, n), piece by piece.  ``length``: (n,) world length
+    per voxel of depth.  ``depth``: (n, 2) planar depth at ``s`` = 0 and per voxel of ``s``.
     """
 
     first: np.ndarray
@@ -75,11 +76,14 @@ def bricks_of(bits: np.ndarray, shape_xyz) -> np.ndarray:
     return np.ascontiguousarray(np.stack(parts, axis=-1).reshape(*eights.shape[:2], -1)[..., : -(-nx // size)])
 
 
-def rays_through(plane: BasePlane, view: IndexView, shape_xyz, columns, rows, clip) -> RayList:
+def rays_through(
+    plane: BasePlane, view: IndexView, shape_xyz, columns, rows, clip, cuts: Cuts | None = None
+) -> RayList:
     """The rays through pixel positions (n,), from the left and the top, within the box of the voxel centers.
 
     All of them must belong to the plane's principal axis and direction.  ``clip``: the least and the largest planar
-    depth that is seen.  Element by element: the bits of a matrix product depend on its size.
+    depth that is seen, numbers or (n,).  ``cuts``: what is cut out of them.  Element by element: the bits of a matrix
+    product depend on its size.
     """
     i, j, k = AXES[plane.axis]
     inverse = np.linalg.inv(plane.homography / np.abs(plane.homography).max())
@@ -105,4 +109,8 @@ def rays_through(plane: BasePlane, view: IndexView, shape_xyz, columns, rows, cl
         enter = np.maximum(enter, plane.sign * view.eye[k])
     moved = (row[0] * step[:, 0] + row[1] * step[:, 1] + row[2] * step[:, 2] for row in view.to_world)
     length = np.sqrt(sum(each * each for each in moved))
+    enter, leave = enter[None], leave[None]
+    if cuts is not None:
+        begin, end = clip_rays(first, step, cuts)
+        enter, leave = np.maximum(enter, begin), np.minimum(leave, end)
     return RayList(first, step, enter, leave, length, np.ascontiguousarray(depth))

@@ -30,13 +30,11 @@ def trace_rays(voxels, rays, lookup, channels, labels, light, slabs, least, resu
     if labels is not None:
         functions = [_lookup_at(channels, number) for number in range(channels.own)]
     out, half, work = results
-    work[:] = 0
     if min(voxels.shape) < 2:
         return
     dense, falling = _dense(voxels), None if light is None else ray_light(light, rays)
     tops = np.array(dense.shape[2::-1]) - 2
-    state, planes = np.zeros((len(out), 4)), 0 if light is None else light.planes
-    state[:, 3] = 1.0
+    state, planes = np.column_stack((out[:, :3], 1.0 - out[:, 3])), 0 if light is None else light.planes
     here = rays.enter.copy()
     live = np.flatnonzero(here < rays.leave)
     while len(live):

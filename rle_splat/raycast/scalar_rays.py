@@ -346,7 +346,8 @@ def _trace(begin, end, voxels, rays, lookup, channels, labels, light, slabs, lea
     planes = _columns_of(codes)
     buffers = scratch[begin, :, :planes], scratch[begin, POWERS, :planes], scratch[begin, :, planes:]
     for ray in range(begin, end):
-        transmittance, red, green, blue, at_half = 1.0, 0.0, 0.0, 0.0, math.inf
+        red, green, blue, transmittance = out[ray, 0], out[ray, 1], out[ray, 2], 1.0 - out[ray, 3]
+        at_half = half[ray]
         walked = composited = 0
         ox, oy, oz = rays.first[ray, 0], rays.first[ray, 1], rays.first[ray, 2]
         dx, dy, dz = rays.step[ray, 0], rays.step[ray, 1], rays.step[ray, 2]
@@ -416,19 +417,21 @@ def _trace(begin, end, voxels, rays, lookup, channels, labels, light, slabs, lea
                 z, tz = z + sz, tz + az
         out[ray, 0], out[ray, 1], out[ray, 2], out[ray, 3] = red, green, blue, 1.0 - transmittance
         half[ray] = at_half
-        work[ray, WALKED], work[ray, COMPOSITED] = walked, composited
+        work[ray, WALKED] += walked
+        work[ray, COMPOSITED] += composited
 
 
 @kernel
 def trace_rays(voxels, rays, lookup, channels, labels, light, slabs, least, scratch, results):
-    """Fill ``results``: premultiplied rgba (n, 4) float32 of single rays; where along them half is absorbed, (n,)
-    float64, inf where less is; how many cells and empty bricks each walked through and how many cells it composited,
-    (n, 2) int32.
+    """Add one piece of single rays to ``results``: premultiplied rgba (n, 4) float32; where along them half is
+    absorbed, (n,) float64, inf where less is; how many cells and empty bricks each walked through and how many cells it
+    composited, (n, 2) int32.
 
-    ``voxels``: RowVoxels; ``rays``: RayList; ``light``: RayLight, or None for rays that nothing lights, whose voxels
-    have no codes then.  ``lookup``, ``channels``, ``least``: as ``splat_scalar_rows`` has them; extinctions of further
-    ``channels`` are added to those of the volume itself.  ``labels``: a CellField, which says where each of the
-    ``channels`` of the volume's own values classifies in place of ``lookup``, or None.  ``slabs``: that a voxel's depth
-    is cut into, at least.  ``scratch``: (n, POWERS + 1, channels of codes and further channels) float64.
+    ``voxels``: RowVoxels; ``rays``: RayList, with ``enter`` and ``leave`` of the piece (n,); ``light``: RayLight, or
+    None for rays that nothing lights, whose voxels have no codes then.  ``lookup``, ``channels``, ``least``: as
+    ``splat_scalar_rows`` has them; extinctions of further ``channels`` are added to those of the volume itself.
+    ``labels``: a CellField, which says where each of the ``channels`` of the volume's own values classifies in place of
+    ``lookup``, or None.  ``slabs``: that a voxel's depth is cut into, at least.  ``scratch``: (n, POWERS + 1, channels
+    of codes and further channels) float64.
     """
     share_out(_trace, scratch.shape[0], (voxels, rays, lookup, channels, labels, light, slabs, least, scratch, results))

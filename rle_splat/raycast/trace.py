@@ -35,10 +35,14 @@ def trace(
     voxels = voxels._replace(codes=None) if light is None else voxels
     channels = channel_lookups(lookup, further, centers, voxels.codes, labels, center)
     field = None if labels is None else cell_field(labels.cells)
-    out, half = np.zeros((len(rays.enter), 4), np.float32), np.full(len(rays.enter), np.inf)
-    results = out, half, np.empty((len(out), 2), np.int32) if work is None else work
+    out, half = np.zeros((len(rays.length), 4), np.float32), np.full(len(rays.length), np.inf)
+    work = np.empty((len(out), 2), np.int32) if work is None else work
+    work[:] = 0
+    results = out, half, work
+    pieces = [rays._replace(enter=enter, leave=leave) for enter, leave in zip(rays.enter, rays.leave, strict=True)]
     if not compiled():
-        reference.trace_rays(voxels, rays, lookup, channels, field, light, slabs, least, results)
+        for piece in pieces:
+            reference.trace_rays(voxels, piece, lookup, channels, field, light, slabs, least, results)
         return out, half
     if channels is not None:  # one kernel is for channels, labels and both
         field = field or NO_CELLS
@@ -48,7 +52,8 @@ def trace(
     falling = None if light is None else ray_light(light, rays)
     with parallel_call(quality.threads):
         voxels = voxels._replace(scalars=StoredScalars.of(voxels.scalars))
-        trace_rays(voxels, rays, lookup, channels, field, falling, slabs, least, scratch, results)
+        for piece in pieces:
+            trace_rays(voxels, piece, lookup, channels, field, falling, slabs, least, scratch, results)
     return out, half
 
 

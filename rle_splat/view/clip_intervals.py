@@ -33,6 +33,11 @@ class Cuts:
     kept: np.ndarray
     holes: tuple = ()
 
+    @property
+    def sides(self) -> np.ndarray:
+        """(n, 4) float64: all half-spaces, those of ``kept`` first."""
+        return np.concatenate((self.kept, *self.holes))
+
 
 def clip_intervals(plane: BasePlane, cuts: Cuts, intervals: np.ndarray | None = None, threads: int = 0) -> np.ndarray:
     """Shorten ray intervals to what clip objects leave.
@@ -54,13 +59,39 @@ def clip_intervals(plane: BasePlane, cuts: Cuts, intervals: np.ndarray | None = 
     if intervals is None:
         intervals = np.empty((2, plane.height, plane.width), np.float32)
         intervals[0], intervals[1] = -MOST, MOST
-    sides = np.concatenate((cuts.kept, *cuts.holes))
+    return _clip(_crossings(plane, cuts.sides), cuts, intervals, threads)
+
+
+def clip_rays(first, step, cuts: Cuts) -> tuple[np.ndarray, np.ndarray]:
+    """Find what clip objects leave of single rays.
+
+    Parameters
+    ----------
+    first, step : (n, 3) ndarray of float64
+        Voxel that a ray passes at 0, and how far it goes from there to 1, as x, y, z.
+
+    Returns
+    -------
+    enter, leave : (1 + holes, n) ndarray of float32
+        Begin and end of each piece of a ray, front to back; ``enter >= leave`` for one of which nothing is left.
+    """
+    # Element by element: the bits of a matrix product depend on its size.
+    a, b, c, d = cuts.sides.T[:, :, None]
+    rate, zero = (a * x + b * y + c * z for x, y, z in (step.T, first.T))
+    no_rows, whole = np.zeros((len(a), 1)), np.empty((2, 1, len(first)), np.float32)
+    whole[0], whole[1] = -MOST, MOST
+    found = _clip((rate, zero + d, no_rows, no_rows), cuts, whole, 0)[:, 0]
+    (begin, end), into, out = found[:2], found[2::2], found[3::2]  # a hole may be before the begin, or behind the end
+    return np.maximum(np.vstack((begin, out)), begin), np.minimum(np.vstack((into, end)), end)
+
+
+def _clip(crossings: tuple, cuts: Cuts, intervals: np.ndarray, threads: int) -> np.ndarray:
+    """``clip_intervals`` of rays whose ``crossings`` with the sides of all cuts are known."""
     bodies = np.cumsum((len(cuts.kept), *map(len, cuts.holes)), dtype=np.int64)
-    crossings = _crossings(plane, sides)
     if not compiled():
         return reference.clip(crossings, bodies, intervals)
     found = np.empty((2 * len(bodies), *intervals.shape[1:]), np.float32)
-    has_hole = np.zeros((plane.height, len(bodies)), np.bool_)
+    has_hole = np.zeros((intervals.shape[1], len(bodies)), np.bool_)
     with parallel_call(threads):
         _clip_rows(*crossings, bodies, np.ascontiguousarray(intervals), found, has_hole)
     return found[np.repeat(np.append(True, has_hole.any(axis=0)[1:]), 2)] if len(bodies) > 1 else found

@@ -18,7 +18,7 @@ from rle_splat.pipeline.render import render
 from rle_splat.pipeline.shadow_pass import shadow_pass_steps
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.steps import drain
-from rle_splat.scene import NO_RAYS, PRESET_AIMS, PRESET_KNOBS, Clip, Light, Quality, Scene
+from rle_splat.scene import NO_RAYS, PRESET_AIMS, PRESET_KNOBS, Light, Mist, Quality, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 from rle_splat.warp.steep import UNLIMITED
@@ -163,10 +163,7 @@ def test_given_knobs_win(thin):
 def test_scenes_that_cannot_be_traced_get_finer_sheets(thin):
     volume, function = thin
     scene = scene_of(volume, function, size=24)
-    middle = np.eye(4)
-    middle[:3, 3] = 0.5 * np.array(volume.shape_xyz)
-    clip = Clip("plane", middle)
-    plan = render(replace(scene, clips=(clip,)), Quality()).report["plan"]
+    plan = render(replace(scene, mist=Mist(10.0, 200.0)), Quality()).report["plan"]
     assert plan["rays"] == NO_RAYS and plan["depth_rule"] != Quality().depth_rule
     assert render(replace(scene, mode="mip"), Quality()).report["plan"]["expected"] is None
 

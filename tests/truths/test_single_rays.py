@@ -1,6 +1,6 @@
 """Proves that pixels by rays of their own are the truth T2 up to their slabs: second order in these whatever the
-transfer function, lit and unlit, from outside and inside, cut by the volume's faces and by clip planes; and the same
-without numba and for any number of threads."""
+transfer function, lit and unlit, from outside and inside, cut by the volume's faces, clip planes and clip objects; and
+the same without numba and for any number of threads."""
 
 from dataclasses import replace
 from functools import cache
@@ -19,7 +19,8 @@ from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.raycast.scalar_rays import COMPOSITED, WALKED
 from rle_splat.runtime.jit import use_reference
 from rle_splat.runtime.steps import drain
-from rle_splat.scene import Light, Quality
+from rle_splat.scene import Clip, Light, Mist, Quality
+from tests.truths.test_clips import placed
 from tests.ways import both
 
 PROJECTIONS = pytest.mark.parametrize("perspective", (False, True), ids=("ortho", "perspective"))
@@ -27,6 +28,9 @@ POST = Quality(classification="post", termination=1e-6)
 SIZE = (24, 24)
 SHADE = Shade(ambient=0.2, diffuse=0.7, specular=0.4, shininess=12.0)
 COLORS = ((0.0, 0.9, 0.3, 0.1), (0.6, 0.2, 0.8, 0.3), (1.0, 0.3, 0.4, 1.0))
+PLANE = placed((8.0, 7.5, 6.0), (1.0, 1.0, 0.0), 0.9)
+MIDDLE = placed((8.0, 7.0, 6.0), half=(4.0, 5.0, 3.0))
+CORNER = placed((13.0, 3.0, 10.0), (0.0, 1.0, 1.0), 0.4, (5.0, 5.0, 5.0))
 CURVES = {
     "wide": TransferFunction("wide", None, ((0.1, 0.0), (1.0, 0.4)), COLORS, 1.0, None),
     "narrow": TransferFunction("narrow", None, ((0.4, 0.0), (0.5, 0.8), (0.6, 0.0)), COLORS, 1.0, None),
@@ -85,6 +89,31 @@ def test_from_an_eye_inside_and_between_clip_planes(stage):
     assert np.abs(traced(scene, 4) - traced(unclipped, 4)).max() > 0.1
 
 
+CUTS = {
+    "plane": (Clip("plane", PLANE),),
+    "box": (Clip("box", MIDDLE),),
+    "box removed": (Clip("box", MIDDLE, "outside"),),
+    "all": (Clip("plane", PLANE), Clip("box", MIDDLE, "outside"), Clip("box", CORNER, "outside")),
+}
+
+
+@PROJECTIONS
+@pytest.mark.parametrize("name", CUTS)
+def test_between_clip_objects(stage, way, name, perspective):
+    """Removed boxes leave rays of several pieces, and later ones begin where half is absorbed, or nothing."""
+    scene = stage.on_turntable(
+        waves(), perspective=perspective, size=SIZE, transfer_function=CURVES["wide"], clips=CUTS[name], fit=0.9
+    )
+    assert errors(scene, 16).max() < 0.1
+    assert np.abs(traced(scene, 4) - traced(replace(scene, clips=()), 4)).max() > 0.2
+    true, true_depth = truth(scene, "T2", tolerance=1e-8)
+    picture = stage.render(scene, classification="post", rays=1e-6)
+    assert picture.report["rays"]["share"] > 0.5
+    # Where the light that is left is near to half of it after a hole, the depth is on either side of it.
+    apart = np.abs(picture.depth.ravel() - true_depth)[true[:, 3] > 0.55]
+    assert len(apart) > 60 and np.percentile(apart, 90) < 0.02
+
+
 @PROJECTIONS
 def test_the_same_without_numba_and_with_any_number_of_threads(stage, perspective):
     field = waves().copy()
@@ -116,9 +145,9 @@ def test_what_rays_know_nothing_of_is_left_to_the_sheets(stage):
     def may_be_traced(quality=POST, **changed):
         return can_trace(choose_source(replace(scene, **changed), quality))
 
-    assert may_be_traced() and may_be_traced(triangles=np.empty((0, 3, 3)))
     triangle = np.array([[(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)]])
-    assert not may_be_traced(triangles=triangle)
+    assert may_be_traced() and may_be_traced(triangles=triangle, clips=CUTS["all"])
+    assert not may_be_traced(mist=Mist(1.0, 40.0))
     assert not may_be_traced(Quality(classification="pre"))
     assert not may_be_traced(volume=stage.volume(waves()[:1]))
 

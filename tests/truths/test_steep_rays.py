@@ -9,14 +9,17 @@ import numpy as np
 import pytest
 
 from rle_splat.accuracy.metrics import LEVEL
+from rle_splat.accuracy.rays import camera_rays
 from rle_splat.accuracy.truths import truth
 from rle_splat.classify.transfer_function import GradientOpacity, Shade, TransferFunction
+from rle_splat.effects.mesh_depth import mesh_depth
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.jit import use_reference
-from rle_splat.scene import NO_DEPTH, NO_RAYS, Clip, Light, Quality, RleSplatError
+from rle_splat.scene import NO_DEPTH, NO_RAYS, Clip, Light, Mist, Quality, RleSplatError
 from rle_splat.warp import steep as steepness
 from rle_splat.warp.steep import ALWAYS, TILE, most_in_tile, steep_pixels
+from tests.truths.other_rays import depth_to_plane
 from tests.ways import both
 
 PROJECTIONS = pytest.mark.parametrize("perspective", (False, True), ids=("ortho", "perspective"))
@@ -94,6 +97,50 @@ def test_the_same_with_any_number_of_threads_and_without_numba(stage, lit, persp
     assert np.abs(reference.depth - found.depth)[steep & (found.depth != NO_DEPTH)].max() < 1e-4
 
 
+MIDDLE = np.array(((4.0, 0.0, 0.0, 10.5), (0.0, 5.0, 0.0, 9.5), (0.0, 0.0, 4.0, 8.5), (0.0, 0.0, 0.0, 1.0)))
+POINT, NORMAL = (10.0, 9.0, 8.0), np.array((0.5, -0.6, 0.4))
+
+
+def wall(start=-300.0):
+    """Two triangles of a plane through the volume; ``start``: where they begin, 300 behind the point at the most."""
+    u = np.cross(NORMAL, (0.0, 0.0, 1.0))
+    v = np.cross(NORMAL, u)
+    a, b, c, d = (np.array(POINT) + s * u + t * v for s, t in ((start, -300), (300, -300), (300, 300), (start, 300)))
+    return np.array(((a, b, c), (a, c, d)))
+
+
+@PROJECTIONS
+@pytest.mark.parametrize("clips", ((), (Clip("box", MIDDLE, "outside"),)), ids=("whole", "cut"))
+@pytest.mark.parametrize("given", ("triangles", "ray_ends"))
+def test_steep_pixels_end_at_meshes(stage, given, clips, perspective):
+    scene = scene_of(stage, perspective, clips=clips)
+    far = depth_to_plane(camera_rays(scene.camera, *SIZE), POINT, NORMAL)
+    ended = replace(
+        scene, **{"triangles": wall()} if given == "triangles" else {"ray_ends": far.reshape(SIZE[::-1]).astype("f4")}
+    )
+    before, after = render(ended, without(POST)), render(ended, POST)
+    steep = steep_pixels(before.rgba, STEEP)
+    true = truth(scene, "T2", far=far, tolerance=1e-8)[0].reshape(before.rgba.shape)
+    errors = [np.sqrt(((rendering.rgba - true)[steep] ** 2).mean()) / LEVEL for rendering in (before, after)]
+    assert steep.sum() > 60 and errors[1] < (0.9 if clips else 0.5) and errors[1] < 0.5 * errors[0], errors
+    assert np.abs(render(scene, POST).rgba - after.rgba).max() > 0.3, "the mesh hides nothing"
+
+
+@PROJECTIONS
+def test_rays_past_silhouettes_are_mixed(stage, perspective):
+    """Each pixel is what it would be with and without the wall, by the share that the wall covers of it."""
+    everywhere, scene = replace(POST, rays=1e-9), scene_of(stage, perspective)
+    part = replace(scene, triangles=wall(0.3))
+    free, hidden, found = (
+        render(one, everywhere).rgba for one in (scene, replace(scene, triangles=wall()), part)
+    )  # fmt: skip
+    covered = np.isfinite(mesh_depth(part.triangles, part.camera, *SIZE)).mean(axis=-1)[..., None]
+    edge = ((covered > 0.0) & (covered < 1.0))[..., 0]
+    assert edge.sum() > 20 and np.abs(free - hidden)[edge].max() > 0.2
+    assert np.abs(found - covered * hidden - (1.0 - covered) * free)[edge].max() < 2.0 * LEVEL
+    assert np.abs(found - np.where(covered > 0.0, hidden, free))[~edge].max() < 1.0 * LEVEL
+
+
 @PROJECTIONS
 def test_depths_of_rays_are_where_half_is_absorbed(stage, perspective):
     scene = scene_of(stage, perspective)
@@ -115,15 +162,12 @@ def test_what_was_shown_before_does_not_change_a_picture(stage):
     assert (again.rgba == render(scene_of(stage), quality).rgba).all()
 
 
-@pytest.mark.parametrize("change", ("mesh", "clip", "mode", "gradients"))
+@pytest.mark.parametrize("change", ("mist", "mode", "gradients"))
 def test_what_rays_know_nothing_of_is_left_to_the_sheets(stage, change):
     scene = scene_of(stage)
-    box = Clip(matrix_world=np.diag((4.0, 4.0, 4.0, 1.0)))
-    triangle = np.array([[(-9.0, 0.0, -9.0), (9.0, 0.0, -9.0), (0.0, 0.0, 9.0)]])
     steep = replace(BONE, gradient_opacity=GradientOpacity(0.05, 0.3))
     changes = {
-        "mesh": {"triangles": triangle}, "clip": {"clips": (box,)}, "mode": {"mode": "xray"},
-        "gradients": {"transfer_function": steep},
+        "mist": {"mist": Mist(1.0, 60.0)}, "mode": {"mode": "xray"}, "gradients": {"transfer_function": steep},
     }  # fmt: skip
     changed = replace(scene, **changes[change])
     rendering = render(changed, POST)

@@ -70,6 +70,6 @@ def test_those_of_cuts(short, monkeypatch):
     monkeypatch.setattr(clip_intervals, "_crossings", lambda plane, sides: ())
     monkeypatch.setattr(clip_intervals, "compiled", lambda: False)
     monkeypatch.setattr(clip_intervals.reference, "clip", lambda crossings, bodies, intervals: bodies)
-    cuts = SimpleNamespace(kept=np.zeros((6, 4)), holes=[np.zeros((1, 4)), np.zeros((6, 4))])
+    cuts = clip_intervals.Cuts(np.zeros((6, 4)), (np.zeros((1, 4)), np.zeros((6, 4))))
     bodies = clip_intervals.clip_intervals(SimpleNamespace(width=2, height=2), cuts)
     assert bodies.dtype == np.int64 and bodies.tolist() == [6, 7, 13]
