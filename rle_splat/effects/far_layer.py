@@ -120,29 +120,30 @@ def mix_layers(layers: DepthLayers, region, behind, rgba, depth, far_rgba, far_d
     np.copyto(depth[part], far_depth, where=coverage < 0.5)
 
 
-def trace_layers(layers: DepthLayers, trace, columns, rows, at) -> tuple[np.ndarray, np.ndarray]:
+def trace_layers(layers: DepthLayers, trace, columns, rows, corner):
     """Trace single rays to both layers and mix them, as ``mix_layers`` does.
 
     Parameters
     ----------
     trace : callable
-        ``trace(columns, rows, ends)`` returns color and depth (see ``RayEffect.trace``).
+        See ``RayEffect.trace``.
     columns, rows : (n,) ndarray of int
         From the left and the top of the picture.
-    at : tuple of (n,) ndarray of int
-        Rows and columns of these pixels in the layers.
+    corner : (left, top)
+        First pixel of the picture in the frame.
 
     Returns
     -------
-    rgba : (n, 4) ndarray of float32
-    depth : (n,) ndarray of float32
+    rgba, depth, work : as ``trace`` returns them
     """
-    rgba, depth = trace(columns, rows, layers.near[at])
-    past = None if layers.coverage is None else layers.coverage[at] < 1.0
-    if past is None or not past.any():
-        return rgba, depth
-    at = tuple(index[past] for index in at)
-    share, (beyond, far_depth) = layers.coverage[at], trace(columns[past], rows[past], layers.far[at])
-    rgba[past] = share[:, None] * rgba[past] + (1.0 - share[:, None]) * beyond
-    depth[past] = np.where(share < 0.5, far_depth, depth[past])
-    return rgba, depth
+    at = rows + (corner[1] - layers.first_pixel[1]), columns + (corner[0] - layers.first_pixel[0])
+    rgba, depth, work = trace(columns, rows, layers.near[at])
+    coverage = np.ones(len(rows), np.float32) if layers.coverage is None else layers.coverage[at]
+    past = np.flatnonzero(coverage < 1.0)
+    if len(past):
+        share = coverage[past, None]
+        beyond, far_depth, more = trace(columns[past], rows[past], layers.far[at][past])
+        rgba[past] = share * rgba[past] + (1.0 - share) * beyond
+        depth[past] = np.where(share[:, 0] < 0.5, far_depth, depth[past])
+        work[past] += more
+    return rgba, depth, work

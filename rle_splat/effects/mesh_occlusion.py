@@ -26,10 +26,10 @@ class MeshSurfaces(RayEffect):
     """Ends rays at meshes; what is seen past silhouettes is drawn in a second pass."""
 
     name, stage = "mesh occlusion", "occlusion"
+    _layers: DepthLayers  # once ``inspect_steps`` has found some
 
     def __init__(self, scene: Scene, view: IndexView, quality: Quality):
         self._scene, self._view, self._quality = scene, view, quality
-        self._layers: DepthLayers | None = None
 
     @classmethod
     def of(cls, scene: Scene, view: IndexView, quality: Quality) -> MeshSurfaces | None:
@@ -65,10 +65,9 @@ class MeshSurfaces(RayEffect):
         else:
             take_like(image, ray_pass.before.images.get(number), ray_pass.alike[number])
 
-    def trace(self, trace, columns, rows):
+    def trace(self, trace, *pixels):
         """See ``RayEffect.trace``; a pixel on a silhouette has a ray for each layer."""
-        left, top = (old - first for old, first in zip(self._scene.region[:2], self._layers.first_pixel, strict=True))
-        return trace_layers(self._layers, trace, columns, rows, (rows + top, columns + left))
+        return trace_layers(self._layers, trace, *pixels, self._scene.region[:2])
 
     def mix(self, ray_pass: RayPass, picture, found):
         """See ``RayEffect.mix``."""

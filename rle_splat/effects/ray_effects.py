@@ -117,8 +117,7 @@ class RayEffects:
 
         Returns
         -------
-        rgba : (n, 4) ndarray of float32
-        depth : (n,) ndarray of float32
+        rgba, depth, work : as ``trace`` returns them
         """
         for effect in self._chain:
             trace = partial(effect.trace, trace)

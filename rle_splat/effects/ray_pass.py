@@ -141,14 +141,14 @@ class RayEffect:
         Parameters
         ----------
         trace : callable
-            ``trace(columns, rows, ends)`` returns (n, 4) and (n,) float32, color and depth of pixels; ``ends``: planar
-            depths at which meshes end their rays, none without it.
+            ``trace(columns, rows, ends)`` returns color (n, 4) and depth (n,) float32 of pixels, and the work that each
+            took (n, 2) int32; ``ends``: planar depths at which meshes end their rays, none without it.
         *pixels : (n,) ndarray
             The first of these, from the left and the top of the picture, or all.
 
         Returns
         -------
-        rgba, depth : as ``trace`` returns them
+        rgba, depth, work : as ``trace`` returns them
         """
         return trace(*pixels)
 

@@ -177,8 +177,8 @@ class LitScalars:
                 codes = (yield from steps).view(np.int16)
         return ScalarVolume(tables, placed, self.center, codes, self.light, self.thinned, values, self.centers)
 
-    def trace(self, rays, slabs: int, counts=None):
-        """Color and half depths of single rays through the voxels; ``counts``: ``work`` of ``raycast.trace``."""
+    def trace(self, rays, slabs: int):
+        """Color, half depths and work of single rays through the voxels."""
         scene, voxels, job = self.source.scene, self.voxels, self.work.job
         shape, ends = scene.volume.shape_xyz, (self.infinite, self.center)
         bricks = job.get("bricks", self.key, lambda: bricks_of(voxels.bits, shape))
@@ -196,8 +196,8 @@ class LitScalars:
             voxels.bits, voxels.row_start, bricks, read_only(scalars), codes, shown, shape[::-1], self._channel_rows()
         )
         return trace_rays(
-            rows, self.center, self.transfer, rays, slabs, self.source.quality, self.light, counts,
-            self.further_tables, self.centers, look,
+            rows, self.center, self.transfer, rays, slabs, self.source.quality, self.light, self.further_tables,
+            self.centers, look,
         )  # fmt: skip
 
     def _channel_rows(self) -> ChannelVoxels | None:

@@ -65,9 +65,9 @@ class Medium(ABC):
     def most_color(self, tables) -> float:
         """The largest channel of any unassociated color that a pixel may have; ``tables``: of all principal axes."""
 
-    def trace(self, rays, slabs: int, work=None):
-        """Color and half depths of single rays (see ``raycast.trace``), where the source has any."""
-        return self.voxels.trace(rays, slabs, work)
+    def trace(self, rays, slabs: int):
+        """Color, half depths and work of single rays (see ``raycast.trace``), where the source has any."""
+        return self.voxels.trace(rays, slabs)
 
     def finish(self, rgba, depth):
         """The picture and its depth, from what the warp returns."""

@@ -77,32 +77,33 @@ def add_neighbors(source: Source) -> Source:
     return replace(source, scene=replace(scene, crop=crop))
 
 
-def trace_steps(scene: Scene, view: IndexView, medium: Medium, columns, rows, slabs: int):
+def trace_steps(scene: Scene, view: IndexView, medium: Medium, ray_effects: RayEffects, columns, rows, slabs: int):
     """Generator of fractions done: integrate pixels of the picture; returns premultiplied rgba (n, 4) float32, and the
     work that each took (n, 2) int32 (see ``raycast.scalar_rays.trace_rays``).
 
     ``columns``, ``rows``: (n,) ints.  ``slabs``: at least as many per voxel of depth.
     """
-    rgba, planes, work = np.empty((len(columns), 4), np.float32), {}, np.zeros((len(columns), 2), np.int32)
+    rgba, work = np.empty((len(columns), 4), np.float32), np.empty((len(columns), 2), np.int32)
+    trace = partial(_trace, scene, view, medium, {}, slabs)
     for first in range(0, len(columns), RAYS_AT_ONCE):
         yield first / len(columns)
         part = slice(first, first + RAYS_AT_ONCE)
-        rgba[part], _ = _trace(scene, view, medium, planes, slabs, columns[part], rows[part], work=work[part])
+        rgba[part], _, work[part] = ray_effects.trace(trace, columns[part], rows[part])
     return rgba, work
 
 
-def _trace(
-    scene: Scene, view: IndexView, medium: Medium, planes: dict, slabs: int, columns, rows, ends=np.inf, work=None
-):
-    """Premultiplied rgba (n, 4) and depths (n,), float32, of pixels of the picture; NO_DEPTH where there is none.
+def _trace(scene: Scene, view: IndexView, medium: Medium, planes: dict, slabs: int, columns, rows, ends=np.inf):
+    """Premultiplied rgba (n, 4) and depths (n,), float32, of pixels of the picture, NO_DEPTH where there is none; and
+    the work that each took (n, 2) int32.
 
     ``planes``: base planes by axis and sign, filled as they are needed.  ``ends``: planar depth at which a mesh ends
-    each ray, a number or (n,).  ``work``: (n, 2) int32, filled, or None.
+    each ray, a number or (n,).
     """
     left, top = scene.region[:2]
     columns, rows = columns + (left + 0.5), rows + (top + 0.5)
     axes, signs = dominant_axis(view.ray_directions(columns, rows))
     rgba, depth = np.zeros((len(columns), 4), np.float32), np.full(len(columns), NO_DEPTH, np.float32)
+    work = np.zeros((len(columns), 2), np.int32)
     shape, cuts = scene.volume.shape_xyz, cuts_of(scene, medium.quality)
     ends = np.broadcast_to(np.minimum(ends, scene.camera.clip_end), columns.shape)
     for axis, sign in candidate_pyramids(view):
@@ -114,13 +115,10 @@ def _trace(
         if planes[axis, sign] is not None:
             clip = scene.camera.clip_start, ends[mine]
             rays = rays_through(planes[axis, sign], view, shape, columns[mine], rows[mine], clip, cuts)
-            own = np.empty((len(mine), 2), np.int32)
-            rgba[mine], half = medium.trace(rays, slabs, own)
-            if work is not None:
-                work[mine] = own
+            rgba[mine], half, work[mine] = medium.trace(rays, slabs)
             found = np.isfinite(half)
             depth[mine[found]] = (rays.depth[:, 0] + np.where(found, half, 0.0) * rays.depth[:, 1])[found]
-    return rgba, depth
+    return rgba, depth, work
 
 
 def retrace_steps(
@@ -155,13 +153,13 @@ def retrace_steps(
         steep = steep_pixels(rgba, quality.rays, most, (left, top), quality.threads)[inner]
         rgba, depth = (np.ascontiguousarray(values[inner]) for values in (rgba, depth))
         # Slabs per voxel of depth along a quality's own rays: twice its sheets, and enough to err less than these
-        where, planes, slabs = np.flatnonzero(steep), {}, max(LEAST_SLABS, 2 * (midpoints_of(quality.depth_rule) or 1))
+        where, slabs = np.flatnonzero(steep), max(LEAST_SLABS, 2 * (midpoints_of(quality.depth_rule) or 1))
+        trace = partial(_trace, scene, view, medium, {}, slabs)
         for first in range(0, len(where), RAYS_AT_ONCE):
             yield Progress(0.95 + 0.04 * first / len(where), "Computing exact pixels")
             rows, columns = np.divmod(where[first : first + RAYS_AT_ONCE], steep.shape[1])
             pixels = columns + inner[1].start, rows + inner[0].start
-            trace = partial(_trace, scene, view, medium, planes, slabs)
-            rgba[rows, columns], depth[rows, columns] = ray_effects.trace(trace, *pixels)
+            rgba[rows, columns], depth[rows, columns], _ = ray_effects.trace(trace, *pixels)
     return rgba, depth, {"pixels": len(where), "share": len(where) / max(steep.size, 1), "slabs": slabs}
 
 

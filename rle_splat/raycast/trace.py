@@ -20,41 +20,38 @@ from .scalar_rays import POWERS, trace_rays
 
 def trace(
     voxels: RowVoxels, center: float, table: LookupTable, rays: RayList, slabs: int, quality: Quality,
-    light: SampleLight | None = None, work=None, further: tuple[LookupTable, ...] = (), centers: tuple[float, ...] = (),
+    light: SampleLight | None = None, further: tuple[LookupTable, ...] = (), centers: tuple[float, ...] = (),
     labels: LabelLook | None = None,
-) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """Premultiplied rgba (n, 4) float32 of single rays, each voxel's depth cut into ``slabs`` at least, and where along
-    them half is absorbed (n,) float64, inf where less is.
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
+    """Premultiplied rgba (n, 4) float32 of single rays, each voxel's depth cut into ``slabs`` at least; where along
+    them half is absorbed (n,) float64, inf where less is; and their work (n, 2) int32, as ``trace_rays`` counts it.
 
     ``center``: what was taken from the stored values.  ``light``: that of which the voxels have codes; None where
-    nothing shines.  ``work``: filled as ``trace_rays`` does, (n, 2) int32, or None.  ``further``, ``centers``: tables
-    of further channels, and what was taken from their values.  ``labels``: whose tables classify in place of ``table``.
-    No extinction is thinned.
+    nothing shines.  ``further``, ``centers``: tables of further channels, and what was taken from their values.
+    ``labels``: whose tables classify in place of ``table``.  No extinction is thinned.
     """
     lookup, least = kernel_lookup(table, center), max(quality.termination, OPAQUE)
     voxels = voxels._replace(codes=None) if light is None else voxels
     channels = channel_lookups(lookup, further, centers, voxels.codes, labels, center)
     field = None if labels is None else cell_field(labels.cells)
-    out, half = np.zeros((len(rays.length), 4), np.float32), np.full(len(rays.length), np.inf)
-    work = np.empty((len(out), 2), np.int32) if work is None else work
-    work[:] = 0
-    results = out, half, work
+    count = len(rays.length)
+    results = np.zeros((count, 4), np.float32), np.full(count, np.inf), np.zeros((count, 2), np.int32)
     pieces = [rays._replace(enter=enter, leave=leave) for enter, leave in zip(rays.enter, rays.leave, strict=True)]
     if not compiled():
         for piece in pieces:
             reference.trace_rays(voxels, piece, lookup, channels, field, light, slabs, least, results)
-        return out, half
+        return results
     if channels is not None:  # one kernel is for channels, labels and both
         field = field or NO_CELLS
         voxels = voxels._replace(further=voxels.further or _no_channels(len(voxels.scalars)))
     planes = len(further) + (0 if light is None else voxels.codes.shape[1])
-    scratch = np.empty((len(out), POWERS + 1, planes))
+    scratch = np.empty((count, POWERS + 1, planes))
     falling = None if light is None else ray_light(light, rays)
     with parallel_call(quality.threads):
         voxels = voxels._replace(scalars=StoredScalars.of(voxels.scalars))
         for piece in pieces:
             trace_rays(voxels, piece, lookup, channels, field, falling, slabs, least, scratch, results)
-    return out, half
+    return results
 
 
 def _no_channels(count: int) -> ChannelVoxels:

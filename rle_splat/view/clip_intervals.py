@@ -76,7 +76,8 @@ def clip_rays(first, step, cuts: Cuts) -> tuple[np.ndarray, np.ndarray]:
         Begin and end of each piece of a ray, front to back; ``enter >= leave`` for one of which nothing is left.
     """
     # Element by element: the bits of a matrix product depend on its size.
-    a, b, c, d = cuts.sides.T[:, :, None]
+    sides = cuts.sides
+    a, b, c, d = (sides[:, number, None] for number in range(4))
     rate, zero = (a * x + b * y + c * z for x, y, z in (step.T, first.T))
     no_rows, whole = np.zeros((len(a), 1)), np.empty((2, 1, len(first)), np.float32)
     whole[0], whole[1] = -MOST, MOST

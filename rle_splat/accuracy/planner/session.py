@@ -158,7 +158,7 @@ def session_steps(scene: Scene, quality: Quality, cache: StageCache, end: float,
     features, shown = features_of(scene, quality, drawn), analyze_effects(scene, quality)[1]
     machine = yield from rescale(profile_steps(quality), end, end)
     session = PlannerSession(scene, shown, quality, cache, refuse_empty_view, model, features, machine, timed)
-    if can_trace(choose_source(shown, quality)) and not shown.hides_volume:  # its rays end at no meshes
+    if can_trace(choose_source(shown, quality)):
         session.estimate = ErrorEstimate.of(drawn)
         steps = ray_cost_steps(shown, quality, session.estimate, machine.cell_us, machine.slab_us, cache)
         session.ray_cost = yield from announce(steps, end, end, TRACING)

@@ -4,6 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...effects.analyze import analyze_effects
+from ...effects.ray_effects import RayEffects
 from ...pipeline.scalar_source import ScalarSource
 from ...pipeline.single_rays import trace_steps
 from ...pipeline.source import Work
@@ -50,7 +52,9 @@ def single_ray_steps(scene: Scene, quality: Quality, columns, rows, slabs: int, 
     """
     view, job, clock = index_view(scene.camera, scene.index_to_world, scene.width, scene.height), cache.job(), Clock()
     medium = yield from map_steps(ScalarSource(scene, quality).medium_steps(Work(job, Clock())), lambda step: 0.0)
-    steps = trace_steps(scene, view, medium, columns, rows, slabs)
+    ray_effects = RayEffects(scene, view, quality, analyze_effects(scene, quality)[0], Clock())
+    yield from map_steps(ray_effects.leave_out_idle_steps([]), lambda step: 0.0)
+    steps = trace_steps(scene, view, medium, ray_effects, columns, rows, slabs)
     rgba, work = yield from step_within(steps, lambda: clock.stage("rays"))
     job.keep()
     return rgba, work, clock.stages["rays"]
