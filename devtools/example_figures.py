@@ -12,13 +12,13 @@ import os
 import re
 import sys
 from dataclasses import replace
-from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 from PIL import Image, ImageDraw
 
 from rle_splat.classify.presets import PRESETS
+from rle_splat.scene.display import to_bytes
 
 from .gallery_pictures import save_jpeg
 from .places import OUT, ROOT
@@ -26,14 +26,13 @@ from .places import OUT, ROOT
 FOLDER = OUT / "figures"
 SKULL = "dicom_ct_skull_phantom_512x512x140"
 BRAIN = "flair_brain_124x160x140_uint8.nrrd"
-HEART = "cta_aorta_labels/cta_heart_aorta_120x126x164_int16.nii.gz"
 VIEWS = ((0, 0), (90, 0), (180, 0))  # azimuth and elevation
 OBLIQUE = ("--azimuth", "30", "--elevation", "15", "--fit", "0.95")
 SMALL, POSTER, EYE = 360, 3600, (735, 2470)  # pixels: a picture's side, a poster's, and where a part of it begins
 PYTHON = 480  # pixels: a side of the pictures of the page on Python
 TILE, WORKERS = 90, ("#4477aa", "#ee6677", "#228833", "#ccbb44")  # pixels; a color for each
 MOST_BYTES, BLACK, GRAY = 80_000, (0.0, 0.0, 0.0), "#303030"
-TURN, MILLISECONDS = 24, 100  # frames of the turntable, and how long each is shown
+TURN, MILLISECONDS = 60, 66  # frames of the turntable, and how long each is shown
 FIRST = ("--preset", "ct-bone", "--smoothness", "2", "--fit", "0.9", "--quality", "fine")
 CLOSE = ("--azimuth", "30", "--elevation", "20", "--fit", "0.42", "--size", "400")
 STEPS = (  # of the strip, after the slices: pictures of the documentation, and the part of each
@@ -89,13 +88,14 @@ def skull_words(folder: Path) -> list[str]:
 def command_lines(folder: Path) -> list[list[str]]:
     """The figures, a turntable, and a part of the skull in two qualities."""
     skull, views = skull_words(folder), [word for view in VIEWS for word in ("--view", *map(str, view))]
-    heart = data_folder() / HEART
-    turned = heart if heart.is_file() else skull[0]
+    brain = data_folder() / BRAIN
+    turned = brain if brain.is_file() else skull[0]
     page = ["figure", *skull, "--columns", "3", "--fit", "1", "--quality", "fine"]
     return [
         [*page, *views, "-o", str(folder / "figure-skull.svg"), "-o", str(folder / "figure-skull.png")],
-        ["render", str(turned), "--frames", "1", str(TURN), "--turn", str(360 // TURN), "--elevation", "10", "--fit",
-         "0.95", "--size", str(SMALL), "--quality", "fine", "-o", str(folder / "turn.png")],
+        ["render", str(turned), "--frames", "1", str(TURN), "--turn", str(360 // TURN), "--elevation", "15", "--fit",
+         "1.15", "--size", str(PYTHON), "--headlight", "--world", "0.3", "0.3", "0.33", "--ambient-occlusion", "1",
+         "--quality", "fine", "-o", str(folder / "turn.png")],
         *(["render", *skull, *CLOSE, "--quality", quality, "-o", str(folder / f"how-to-{quality}.png")]
           for quality in ("draft", "fine")),
         *(["render", skull[0], *FIRST, *turned, "--size", "512", "-o", str(folder / f"{name}.png")]
@@ -137,11 +137,20 @@ def picture_and_depth(folder: Path) -> None:
         type="PERSP", matrix_world=rs.look_at(center + (150.0, -400.0, 120.0), center), lens=80.0, clip_start=1.0,
         clip_end=2000.0,
     )  # fmt: skip
-    sun = rs.Light(type="SUN", energy=1.5, matrix_world=rs.look_at(center + (-0.4, -1.0, 0.6), center))
+    sun = rs.Light(type="SUN", energy=2.2, matrix_world=rs.look_at(center + (-0.3, -1.0, 0.4), center))
     cut = rs.Clip(kind="plane", matrix_world=rs.look_at(center + (0.0, -1.0, 0.0), center))
-    lit = replace(scene, camera=own, lights=(sun,), volume_shadows=True, clips=(*clips, cut))
-    pictures = [rs.png_bytes(rs.render(one, rs.Quality.preset("fine")).rgba, background=BLACK) for one in (scene, lit)]
-    shown, opened = (Image.open(BytesIO(one)).convert("RGBA") for one in pictures)
+    lit = replace(
+        scene,
+        camera=own,
+        lights=(sun,),
+        headlight=False,
+        volume_shadows=True,
+        world=(0.3, 0.3, 0.3),
+        ambient_occlusion=1.0,
+        clips=(*clips, cut),
+    )
+    shown = Image.fromarray(to_bytes(made.rgba, BLACK)).convert("RGBA")
+    opened = Image.fromarray(to_bytes(rs.render(lit, rs.Quality.preset("fine")).rgba, BLACK)).convert("RGBA")
     depth = Image.fromarray(np.uint8(np.rint(255.0 * gray)), "L").convert("RGBA")
     beside(folder, "how-to-python", shown, depth, opened)
 
@@ -162,7 +171,7 @@ def from_parts(folder: Path) -> None:
     frames = [Image.open(folder / f"turn_{number:04}.png").convert("RGBA") for number in range(1, TURN + 1)]
     frames = [Image.alpha_composite(Image.new("RGBA", one.size, GRAY), one).convert("RGB") for one in frames]
     frames[0].save(folder / "how-to-turn.webp", save_all=True, append_images=frames[1:], duration=MILLISECONDS, loop=0,
-                   quality=60, method=6)  # fmt: skip
+                   quality=70, method=6)  # fmt: skip
     whole, coarse, part = (Image.open(folder / f"{name}.png").convert("RGBA") for name in ("whole", "coarse", "part"))
     beside(folder, "how-to-coarse", coarse, whole)
     beside(folder, "first-picture", *(Image.open(folder / f"{name}.png").convert("RGBA") for name in ("out", "side")))

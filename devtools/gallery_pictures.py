@@ -15,6 +15,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 MOST_BYTES = 450_000  # of a JPEG
 AFTER = "-after"  # ends the name of the second of a pair
+LIT_BY = {"before": "headlight", "after": "recipe"}
 GAP, TITLE = 12, 28  # pixels between pairs, and above each
 EDGE, CENTER = (17, 19, 23), (66, 74, 86)  # colors of the backdrop
 
@@ -50,7 +51,7 @@ def in_pairs(pictures: dict[str, Image.Image]) -> Image.Image:
         left, top = width * (number % 4) + gap * (number % 4 // 2), (height + TITLE) * (number // 4)
         sheet.paste(picture.resize((width, height), Image.Resampling.LANCZOS), (left, top + TITLE))
         of, _, when = name.partition("-")
-        title = ("" if gap or number < 2 else "+ ") + of.capitalize() + (f", {when}" if when else "")
+        title = ("" if gap or number < 2 else "+ ") + of.capitalize() + (f": {LIT_BY[when]}" if when else "")
         pen.text((left + 2, top + 3), title, fill="black", font=font)
     return sheet
 

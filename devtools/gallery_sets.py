@@ -93,7 +93,7 @@ def _name(stage: Stage, camera, body: str, place, at: tuple[float, float], coat)
     into = camera.matrix_world.inverted() @ (stage.middle + MM * Vector(place))
     end = camera.matrix_world @ (into * (depth / -into.z))
     rod(f"Line to {body}", camera.matrix_world @ begin, end, 0.0007 * width, coat)
-    bpy.ops.mesh.primitive_uv_sphere_add(radius=0.0025 * width, location=end)
+    bpy.ops.mesh.primitive_uv_sphere_add(radius=0.004 * width, location=end)
     named(f"End at {body}", coat).visible_shadow = False
 
 
@@ -186,6 +186,7 @@ def nuclei(stage: Stage):
     bpy.ops.rle_splat.change_segment(tool="SMOOTH", length=1.5)
     ours.smoothness = 0.6  # µm, twice what is automatic
     bpy.ops.rle_splat.add_slice(kind="axial")
+    _let_shade(bpy.context.view_layer.objects.active)
     bpy.context.view_layer.objects.active = stage.volume
     ours.slices_follow_window = False
     ours.slice_center, ours.slice_width = 14000.0, 26000.0

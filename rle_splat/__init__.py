@@ -49,7 +49,7 @@ _HOME = {
     "tolerance_steps": ("accuracy.planner.tolerance", "tolerance_steps"),
     "Quality": ("scene", "Quality"),
     "Rendering": ("scene", "Rendering"),
-    "png_bytes": ("figure.png", "png_bytes"),
+    "write_picture": ("cli.images", "write_picture"),
     "StageCache": ("pipeline.stage_cache", "StageCache"),
     "Progress": ("runtime.steps", "Progress"),
     "Cancelled": ("scene", "Cancelled"),

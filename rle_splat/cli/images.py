@@ -14,7 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..scene import RleSplatError
+from ..scene import Rendering, RleSplatError
+from ..scene.checks import as_color
 from .rows import ROW_WRITERS
 
 
@@ -36,6 +37,28 @@ def read_exr(path) -> np.ndarray:
     if not np.isfinite(colors).all():
         raise RleSplatError(f"{path} holds colors that are not finite; replace them in the picture.")
     return colors
+
+
+def write_picture(path, rendering: Rendering, background=None) -> None:
+    """Write a picture to a file.
+
+    Parameters
+    ----------
+    path : str or Path
+        Its suffix is that of a format: .png (8 bits, sRGB), .tif (16 bits, sRGB), .exr (float32, scene-linear, with the
+        layer ``Depth.Z``; needs the package OpenEXR) or .npy (float32, scene-linear).
+    rendering : Rendering
+        The picture and its depth.
+    background : (3,) sequence of float, optional
+        Scene-linear RGB below the picture in PNG and TIFF; without it, the picture keeps its alpha.
+
+    Raises
+    ------
+    RleSplatError
+        If the suffix is unknown, OpenEXR is missing or the background is no color.
+    """
+    background = background if background is None else as_color(background, "The background")
+    writer_for(path)(path, rendering.rgba, rendering.depth, background)
 
 
 def writer_for(path):

@@ -95,7 +95,12 @@ def add_volume_options(parser) -> None:
         "--level", type=int, metavar="N",
         help="the level of an OME-Zarr pyramid, 0 for the finest; default the finest that fits into memory; of other "
         "formats, keep every 2^N-th voxel along each axis, for a quick look")  # fmt: skip
-    group.add_argument("--frame", type=int, metavar="N", help="the frame, from 1, of a time series (default 1)")
+    group.add_argument(
+        "--frame",
+        type=int,
+        metavar="N",
+        help="the volume to read, from 1, of several; channels count before time points (default 1)",
+    )
     group.add_argument("--unit", metavar="NAME", help="unit of lengths (default mm)")
     group.add_argument("--value-unit", metavar="NAME", help="unit of values, such as HU")
     group.add_argument("--modality", metavar="NAME", help="kind of scanner, such as CT or MR")

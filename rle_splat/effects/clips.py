@@ -108,7 +108,7 @@ def _judge(scene: Scene, quality: Quality) -> tuple[bool, str]:
     kinds = [clip.kind for clip, sides in _cutting(scene, quality) if len(sides)]
     found = [_count_in_words(kinds.count(kind), kind) for kind in CLIP_KINDS if kind in kinds]
     if not found:
-        return False, f"the scene has {_count_in_words(len(scene.clips), 'clip object')}, and none cuts the volume"
+        return False, f"the scene has {_count_in_words(len(scene.clips), 'cutting object')}, and none cuts the volume"
     return True, f"{' and '.join(found)} {'cuts' if len(kinds) == 1 else 'cut'} the volume"
 
 

@@ -48,7 +48,7 @@ HELD = {
     "lights": lambda given: tuple(from_mapping(Light, one, "A light of the sidecar") for one in given),
     "headlight": bool, "effects": dict,
     "motion": lambda given: tuple(from_mapping(Pose, one, "A pose of the sidecar") for one in given),
-    "clips": lambda given: tuple(from_mapping(Clip, one, "A clip object of the sidecar") for one in given),
+    "clips": lambda given: tuple(from_mapping(Clip, one, "A cutting object of the sidecar") for one in given),
     "mode": str, "mist": lambda given: from_mapping(Mist, given, "The sidecar's mist"), "volume_shadows": bool,
     "world": tuple, "environment": lambda given: from_mapping(Environment, given, "The sidecar's environment"),
     "ambient_occlusion": float, "indirect_light": float,

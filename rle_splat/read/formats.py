@@ -180,7 +180,8 @@ def _number(path: Path) -> Sequence:
     found = sequence_of(path)
     if found is None:
         raise RleSplatError(
-            f"{path.name} holds one volume, and no other file differs from it in a number alone; leave --frame out."
+            f"{path.name} holds one volume, and no other file differs from it in a number alone, so there is no time "
+            "point to choose (Time Point, or --frame)."
         )
     return found
 
@@ -219,7 +220,8 @@ def read_volume(path, **options) -> Volume:
     value_unit, modality : str
         Such as "HU" and "CT".
     frame : int
-        Time point to read, starting at 1, of a time series in one file or in files such as smoke_0001.vdb.
+        Volume to read, starting at 1, of several in one file, the channels of a time point before the next time point,
+        or in files such as smoke_0001.vdb.
     level : int
         Of OME-Zarr the level of the pyramid, 0 for the finest, by default the finest that fits into memory. Of other
         formats every 2^level-th voxel along each axis is read, by default all.

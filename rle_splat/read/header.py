@@ -64,8 +64,8 @@ def check_frame(path, frame: int | None, frames: int) -> int:
     if frame is None:
         return 1
     if not 1 <= frame <= frames:
-        there = "one frame only; leave --frame out" if frames == 1 else f"{frames} frames; give one from 1 to {frames}"
-        raise RleSplatError(f"There is no frame {frame}: {Path(path).name} has {there}.")
+        there = "one volume only" if frames == 1 else f"{frames} volumes; choose one from 1 to {frames}"
+        raise RleSplatError(f"There is no volume {frame} (Time Point, or --frame): {Path(path).name} has {there}.")
     return int(frame)
 
 

@@ -54,14 +54,14 @@ class Sequence:
         """The file of a frame, from 1; RleSplatError if there is none."""
         if not 1 <= frame <= self.count:
             raise RleSplatError(
-                f"There is no frame {frame}: {self.first.name} is the first of {self.count} files; give one from 1 to "
-                f"{self.count}."
+                f"There is no time point {frame} (--frame): {self.first.name} is the first of {self.count} files; "
+                f"choose one from 1 to {self.count}."
             )
         number = min(self.files) + (frame - 1) * self.step
         if number not in self.files:
             raise RleSplatError(
-                f"Frame {frame} is missing: there is no file with the number {number} beside {self.first.name}; export "
-                "it again, or choose another frame."
+                f"Time point {frame} is missing: there is no file with the number {number} beside {self.first.name}; "
+                "export it again, or choose another time point."
             )
         return self.files[number]
 

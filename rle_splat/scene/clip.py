@@ -39,15 +39,15 @@ class Clip:
 
     def __post_init__(self):
         if self.kind not in CLIP_KINDS:
-            raise RleSplatError(f"A clip object's kind must be {' or '.join(CLIP_KINDS)}, not {short(self.kind)}.")
+            raise RleSplatError(f"A cutting object's kind must be {' or '.join(CLIP_KINDS)}, not {short(self.kind)}.")
         if self.keep not in CLIP_SIDES:
-            raise RleSplatError(f"A clip object's keep must be {' or '.join(CLIP_SIDES)}, not {short(self.keep)}.")
-        object.__setattr__(self, "matrix_world", as_matrix(self.matrix_world, "A clip object's matrix_world"))
+            raise RleSplatError(f"A cutting object's keep must be {' or '.join(CLIP_SIDES)}, not {short(self.keep)}.")
+        object.__setattr__(self, "matrix_world", as_matrix(self.matrix_world, "A cutting object's matrix_world"))
         axes = self.matrix_world[:3, :3]
         lengths = np.linalg.norm(axes, axis=0)
         if not (lengths > 0.0).all() or abs(np.linalg.det(axes / lengths)) <= FLATTEST_CLIP:
             raise RleSplatError(
-                f"A clip {self.kind}'s matrix_world is flat; give it a scale other than zero on every axis."
+                f"A cutting {self.kind}'s matrix_world is flat; give it a scale other than zero on every axis."
             )
 
     @classmethod

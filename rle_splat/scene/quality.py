@@ -76,9 +76,10 @@ KNOB_TEXTS = {
     "blended, so that nothing pops when the camera turns; orthographic cameras only",
     "termination": "transmittance below which a pixel counts as opaque",
     "rays": "difference between neighboring pixels (1 is black to white) from which a pixel gets its own ray, which is "
-    "slower and exact; at most a quarter of large pictures; 0 for no rays; post only",
+    "slower and exact; at most a quarter of large pictures, without limit up to 0.02; 0 for no rays; post only",
     "model": "what overlapping footprints add up; post supports extinction only",
-    "record": "bytes of a voxel record in the run-length tables; smaller records save memory and lose accuracy",
+    "record": "bytes of a voxel record in the run-length tables; 8 saves memory and loses accuracy, and renders by the "
+    "classification pre",
 }
 
 
@@ -204,14 +205,16 @@ class Quality:
         both axes are rendered and blended, so that nothing pops as the camera turns.
     rays : float or None
         A pixel gets a single ray of its own, without sheets and warp, where a channel of the premultiplied
-        scene-linear picture differs by at least this much among its 3 x 3 neighbors; 0 for none. Only "post", and
-        only scenes without meshes, clip objects, motion blur and opacity by gradient.
+        scene-linear picture differs by at least this much among its 3 x 3 neighbors; 0 for none. Of each
+        16 x 16 pixels, at most 64 get one; up to 0.02, all in which something is seen. Only "post", and neither in mist
+        nor with opacity by gradient.
     model : {"extinction", "opacity"}
         What overlapping footprints add up.
     length_correction : bool
         Whether the opacity of a sheet depends on the obliquity of the ray. False is the paper's literal reading.
     record : {16, 8}
-        Bytes of a voxel record in the run-length tables. Smaller records save memory and lose accuracy.
+        Bytes of a voxel record in the run-length tables. Smaller records save memory and lose accuracy; only "pre" has
+        them.
     threads : int
         Number of threads; 0 for one per core.
     backend : str, optional

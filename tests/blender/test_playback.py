@@ -97,7 +97,7 @@ def test_a_missing_frame_gets_the_placeholder_and_a_sentence(owner, sequence, tm
     scene.frame_start, scene.frame_end = 2, 4
     scenes.write_exr(tmp_path / "frame_####.exr")
     bpy.ops.render.render(animation=True)
-    assert scene.rle_splat.failed_frames == "3" and "Frame 3 is missing" in scene.rle_splat.render_problem
+    assert scene.rle_splat.failed_frames == "3" and "Time point 3 is missing" in scene.rle_splat.render_problem
 
 
 def entries(bridge) -> int:

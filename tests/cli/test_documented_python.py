@@ -26,7 +26,7 @@ def test_the_example_of_the_readme_runs(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     names = {}
     exec(compile(_python_of(ROOT / "README.md"), "README.md", "exec"), names)
-    assert 0.02 < (names["rgba"][..., 3] > 0.5).mean() < 0.5 and "values" in names["why"]
+    assert 0.02 < (names["rendering"].rgba[..., 3] > 0.5).mean() < 0.5 and "values" in names["why"]
     assert (tmp_path / "out.png").stat().st_size > 10_000
 
 

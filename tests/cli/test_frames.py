@@ -61,9 +61,9 @@ def test_all_frames_have_the_plan_of_the_first(sequence, call, raw_options, tmp_
 
 
 @pytest.mark.parametrize("words, sentence", [
-    (("--frame", 3), "Frame 3 is missing: there is no file with the number 10"),
-    (("--frame", 5), "There is no frame 5: ball_8.raw is the first of 4 files"),
-    (("--frame", 0), "There is no frame 0"),
+    (("--frame", 3), "Time point 3 is missing: there is no file with the number 10"),
+    (("--frame", 5), "There is no time point 5 (--frame): ball_8.raw is the first of 4 files"),
+    (("--frame", 0), "There is no time point 0"),
     (("--frames", 2, 1), "--frames is 2 1; give the first and the last frame"),
     (("--frames", 0, 1), "--frames is 0 1"),
     (("--frame", 1, "--frames", 1, 2), "--frame and --frames contradict each other"),
@@ -104,7 +104,7 @@ def test_a_file_alone_has_no_frames(raw, call, raw_options, tmp_path):
 
 def test_frames_that_exist_are_kept_when_a_later_one_is_missing(sequence, call, raw_options, tmp_path):
     done = call("render", sequence, "-o", tmp_path / "out.npy", "--frames", 1, 4, *raw_options, *QUICK)
-    assert done.code == 2 and "Frame 3 is missing" in done.err
+    assert done.code == 2 and "Time point 3 is missing" in done.err
     assert sorted(path.name for path in tmp_path.glob("*.npy")) == ["out_0001.npy", "out_0002.npy"]
     assert not list(tmp_path.glob(".*.part-*"))
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rle_splat.cli.images import writer_for
-from rle_splat.scene import NO_DEPTH, RleSplatError
+from rle_splat.cli.images import write_picture, writer_for
+from rle_splat.scene import NO_DEPTH, Rendering, RleSplatError
 from rle_splat.scene.display import encode_srgb, over_background, straight_alpha, to_bytes
 
 
@@ -59,7 +59,7 @@ def test_png_straight_alpha_is_read_back(tmp_path, picture):
     Image = pytest.importorskip("PIL.Image")
     rgba, depth = picture
     path = tmp_path / "p.png"
-    writer_for(path)(path, rgba, depth)
+    write_picture(path, Rendering(rgba, depth, {}))
     image = Image.open(path)
     back = np.asarray(image)
     assert image.mode == "RGBA" and "srgb" in image.info
@@ -75,7 +75,7 @@ def test_exr_is_read_back(tmp_path, picture):
     OpenEXR = pytest.importorskip("OpenEXR")
     rgba, depth = picture
     path = tmp_path / "p.exr"
-    writer_for(path)(path, rgba, depth, background=(1.0, 1.0, 1.0))
+    write_picture(path, Rendering(rgba, depth, {}), background=(1.0, 1.0, 1.0))
     with OpenEXR.File(str(path), separate_channels=True) as file:
         channels = file.channels()
         assert set(channels) == {"R", "G", "B", "A", "Depth.Z"}

@@ -109,7 +109,7 @@ def test_a_frame_of_a_series_in_time(tmp_path, suffix):
         np.testing.assert_array_equal(volume.voxels.transpose(2, 1, 0), values[..., (frame or 1) - 1])
     assert "5 time points; time point 3 was read" in read_volume(path, frame=3).remarks[0]
     for frame in (0, 6):
-        with pytest.raises(RleSplatError, match=r"no frame .* from 1 to 5"):
+        with pytest.raises(RleSplatError, match=r"no volume .* from 1 to 5"):
             read_volume(path, frame=frame)
 
 

@@ -90,7 +90,7 @@ def test_times_and_channels_are_frames(tmp_path, names):
         volume = read_volume(path, frame=number)
         np.testing.assert_array_equal(volume.voxels, every.reshape(6, *SHAPE)[number - 1])
         assert volume.frames == 6 and volume.frame_axis == "time and channel"
-    with pytest.raises(RleSplatError, match="There is no frame 7"):
+    with pytest.raises(RleSplatError, match="There is no volume 7"):
         read_volume(path, frame=7)
     assert read_volume(write(tmp_path / "b.zarr", names="tzyx", before=(2,)), frame=2).frame_axis == "time"
 

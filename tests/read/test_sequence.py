@@ -36,7 +36,7 @@ def test_frames_without_a_file_are_refused(tmp_path):
     for number in (1, 3, 4):
         (tmp_path / f"a_{number}.vdb").touch()
     found = sequence_of(tmp_path / "a_4.vdb")
-    for frame, words in ((0, "no frame 0"), (5, "one from 1 to 4"), (2, "Frame 2 is missing")):
+    for frame, words in ((0, "no time point 0"), (5, "one from 1 to 4"), (2, "Time point 2 is missing")):
         with pytest.raises(RleSplatError, match=words):
             found.file(frame)
     assert sequence_of(tmp_path / "a_9.vdb") is None

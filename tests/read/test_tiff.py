@@ -87,7 +87,7 @@ def test_numbered_files_stand_in_the_order_of_their_numbers(tmp_path, given):
     tifffile.imwrite(tmp_path / "s1.tiff", VALUES[0][:3]) if given else None  # another stack's
     volume = read_volume(tmp_path / given if given else tmp_path)
     np.testing.assert_array_equal(volume.voxels, VALUES)
-    with pytest.raises(RleSplatError, match=r"no frame 2.*one frame only"):
+    with pytest.raises(RleSplatError, match=r"no volume 2.*one volume only"):
         read_volume(tmp_path / given if given else tmp_path, frame=2)
 
 

@@ -3,7 +3,19 @@
 import numpy as np
 import pytest
 
-from rle_splat import Camera, Labels, Light, Rendering, RleSplatError, Scene, Volume, encode, png_bytes, preset, render
+from rle_splat import (
+    Camera,
+    Labels,
+    Light,
+    Rendering,
+    RleSplatError,
+    Scene,
+    Volume,
+    encode,
+    preset,
+    render,
+    write_picture,
+)
 
 
 def scene_with(**given):
@@ -32,7 +44,7 @@ def test_a_list_of_lights_is_taken_as_a_tuple():
         (lambda: Volume([[[1]]], np.eye(4)), "not a list"),
         (lambda: Labels(np.zeros((2, 2, 2), int)), "not a ndarray"),
         (lambda: render(None, "fine"), "not 'fine'"),
-        (lambda: png_bytes(np.zeros((2, 2, 4)), background="white"), "three finite numbers"),
+        (lambda: write_picture("out.png", None, background="white"), "three finite numbers"),
         (lambda: scene_with(labels=Volume(np.zeros((3, 4, 5), np.uint8), np.eye(4))), "a Labels object, not a Volume"),
         (lambda: scene_with(lights=Light()), "a tuple of Light objects"),
         (lambda: scene_with(channels=("pet",)), "a tuple of Channel objects"),
