@@ -184,4 +184,4 @@ def transfer_steps(name: str, volume):
     yield Progress(0.0, "reading a preset")
     if function.unit is None or function.unit == volume.value_unit:
         return function, ""
-    return (yield from announce(fit_steps(function, volume, name), 0.0, 1.0, "fitting a preset"))
+    return (yield from announce(fit_steps(function, volume), 0.0, 1.0, "fitting a preset"))

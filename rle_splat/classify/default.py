@@ -8,7 +8,7 @@ import numpy as np
 from ..runtime.steps import drain
 from ..volume.histogram import Histogram, histogram_steps, percentile_steps
 from ..volume.volume import Volume
-from .presets import fit_preset_steps
+from .presets import PRESETS, fit_preset_steps
 from .transfer_function import Shade, TransferFunction
 
 BONE_HU = 270.0  # the preset ct-bone shows values from here on
@@ -79,7 +79,7 @@ def default_transfer_function_steps(volume: Volume):
     for name, reason in _proposals(volume, spread, has_contrast):
         function, _ = yield from fit_preset_steps(name, volume)
         if VISIBLE_SHARE <= _measure_shown_share(function, spread) <= CROWDED_SHARE:
-            return function, f"The preset {name} was chosen because {reason}."
+            return function, f"The preset {PRESETS[name].label} was chosen because {reason}."
     return _from_histogram(volume, spread)
 
 
@@ -91,7 +91,7 @@ def default_channel_function_steps(channel: Volume):
     if channel.modality != "PT":
         return (yield from default_transfer_function_steps(channel))
     function, _ = yield from fit_preset_steps(ADDED_PET, channel)
-    return function, f"The preset {ADDED_PET} was chosen because the channel is a PET."
+    return function, f"The preset {PRESETS[ADDED_PET].label} was chosen because the channel is a PET."
 
 
 def _contrast_steps(volume: Volume):

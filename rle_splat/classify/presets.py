@@ -140,20 +140,15 @@ def fit_preset_steps(name: str, volume: Volume):
     function = preset(name)
     if function.unit is not None and function.unit == volume.value_unit:
         return function, None
-    fitted, remark = yield from fit_steps(function, volume, name)
+    fitted, remark = yield from fit_steps(function, volume)
     shade, most = fitted.shade, SMOOTHED * float(volume.spacing.max())
     if shade is not None and shade.smoothness is not None and shade.smoothness > most:
         fitted = replace(fitted, shade=replace(shade, smoothness=most))
     return fitted, remark
 
 
-def fit_steps(function: TransferFunction, volume: Volume, name: str | None = None):
+def fit_steps(function: TransferFunction, volume: Volume):
     """Generator of fractions done: move the points of a transfer function to the values of a volume.
-
-    Parameters
-    ----------
-    name : str, optional
-        For the remark; its own by default.
 
     Returns
     -------
@@ -164,14 +159,14 @@ def fit_steps(function: TransferFunction, volume: Volume, name: str | None = Non
     """
     if function.unit == MAXIMUM and volume.value_range[1] > 0.0:
         most = volume.value_range[1]
-        remark = f"The points of the preset {name or function.name} are shares of the largest value, {most:g}."
+        remark = f"The points of the preset {function.name} are shares of the largest value, {most:g}."
         return function.remapped(0.0, most, unit=volume.value_unit), remark
     low, high = yield from _typical_range_steps(volume)
     first, last = function.span
     has_unit = function.unit not in (None, RELATIVE)
     meant = f"in {function.unit}, unlike the volume's values" if has_unit else "relative"
     remark = (
-        f"The points of the preset {name or function.name} are {meant}, so {first:g} to {last:g} was mapped to "
+        f"The points of the preset {function.name} are {meant}, so {first:g} to {last:g} was mapped to "
         f"{low:g} to {high:g}, the 1st to 99.9th percentile of the values."
     )
     return function.remapped(low, high, unit=volume.value_unit), remark

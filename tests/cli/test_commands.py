@@ -235,7 +235,7 @@ def test_the_default_transfer_function_is_explained_and_not_blank(picture, call,
     result = call("render", raw, *raw_options, *SIZE, "-o", tmp_path / "q.npy")
     assert report["transfer_function"]["reason"] in result.out
     fitted, report = picture("--preset", "smoke", function=False)
-    assert fitted[..., 3].max() > 0.0 and "smoke" in report["transfer_function"]["reason"]
+    assert fitted[..., 3].max() > 0.0 and "Smoke" in report["transfer_function"]["reason"]
 
 
 def test_a_gzip_and_a_size_before_the_volume(call, tmp_path, raw, raw_options, picture):

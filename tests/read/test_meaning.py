@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from rle_splat.classify.default import default_transfer_function
+from rle_splat.classify.presets import PRESETS
 from rle_splat.read.formats import read_volume, write_volume
 from rle_splat.volume.volume import Volume
 
@@ -36,7 +37,7 @@ def test_a_raw_file_with_the_peaks_of_air_and_water_is_ct(tmp_path):
     volume = read_volume(path, **options)
     assert (volume.modality, volume.value_unit) == ("CT", "HU")
     assert sum("Taken as a CT in HU" in remark for remark in volume.remarks) == 1
-    assert "ct-bone" in default_transfer_function(volume)[1]
+    assert "CT Bone" in default_transfer_function(volume)[1]
 
 
 def test_a_scan_cut_off_within_a_chest_is_ct(tmp_path):
@@ -85,4 +86,4 @@ def test_modality_and_body_part_choose_the_preset(modality, name, choice):
     z, y, x = np.mgrid[-1:1:24j, -1:1:24j, -1:1:24j]
     ball = np.clip(1000 * (1.2 - np.sqrt(x * x + y * y + z * z)), 0, 1200).astype(np.int16)
     reason = default_transfer_function(Volume(ball, np.eye(4), modality=modality, name=name))[1]
-    assert (f"preset {choice} " in reason) if choice else "preset" not in reason
+    assert (f"preset {PRESETS[choice].label} was" in reason) if choice else "preset" not in reason

@@ -96,7 +96,7 @@ def test_other_values_get_the_points_on_their_percentiles():
     volume = volume_of(np.arange(1001, dtype=np.int16).reshape(7, 11, 13))
     function, remark = fit_preset("ct-bone", volume)
     assert function.span == (10.0, 999.0)  # 1 % of 0..1000 do not exceed 10, 99.9 % do not exceed 999
-    assert "10 to 999" in remark and "ct-bone" in remark
+    assert "10 to 999" in remark and "CT Bone" in remark
 
 
 def test_padding_below_air_does_not_move_a_preset():
