@@ -8,6 +8,7 @@ import numpy as np
 from ..classify.presets import PRESETS, preset
 from ..effects.ray_mode import OF_VALUES
 from ..scene import RleSplatError, Scene
+from ..segment.label_map import BACKGROUND
 from . import scale
 from .color_bar import Lines, color_bar
 from .directions import NO_BREAK, WORDS, cube, edge_letters, knows_sides, letter_texts
@@ -20,6 +21,7 @@ LEADING = 1.35  # from line to line, in font sizes
 BAR = 0.7  # mm: thickness of a scale bar
 WIDEST_BAR = 85.0  # mm: a color bar for the whole figure
 ALIKE = 1e-4  # share of a range up to which Blender's numbers of 32 bits count as those of a preset
+MOST_NAMED = 3  # hidden segments in a caption
 CUBE = 2.8  # font sizes: an edge of the cube
 NO_SIDES = "The volume's file does not say where the patient's sides are"
 
@@ -287,6 +289,9 @@ def automatic_caption(draft: PageDraft) -> str:
         planes, boxes = cuts.count("plane"), cuts.count("box")
         counted = (planes, "plane" if planes == 1 else "planes"), (boxes, "box" if boxes == 1 else "boxes")
         sentences.append(f"Cut by {' and '.join(f'{number} {word}' for number, word in counted if number)}.")
+    hidden = _hidden_words(first)
+    if hidden:
+        sentences.append(f"Hidden: {hidden}.")
     kinds = {"ORTHO": "Orthographic", "PERSP": "Perspective"}
     found = list(dict.fromkeys(kinds[scene.camera.type] for scene in scenes))
     sentences.append(f"{' and '.join(found)} projection.".capitalize())
@@ -296,6 +301,17 @@ def automatic_caption(draft: PageDraft) -> str:
         sentences.append(", ".join(named) + ".")
     text = " ".join(sentences)
     return check_text(text, "The figure's caption")
+
+
+def _hidden_words(scene: Scene) -> str:
+    """The names of hidden segments, of many the first ones and the number of the others; "" without any."""
+    if scene.labels is None:
+        return ""
+    names = {BACKGROUND: "Background", **scene.labels.names}
+    hidden = [names.get(one, f"segment {one}") for one, function in scene.labels.functions.items() if function is None]
+    more = len(hidden) - MOST_NAMED
+    words = [*hidden[:MOST_NAMED], *([f"{more} other segment{'s' * (more > 1)}"] if more > 0 else [])]
+    return " and ".join(part for part in (", ".join(words[:-1]), *words[-1:]) if part)
 
 
 def _function_words(scene: Scene) -> str:

@@ -21,9 +21,10 @@ from rle_splat.figure.plan import Figure, FigureStyle, Panel, tile_size
 from rle_splat.figure.png import png_bytes
 from rle_splat.figure.raster import draw
 from rle_splat.figure.svg import svg_text
-from rle_splat.scene import Clip, RleSplatError
+from rle_splat.scene import Clip, Labels, RleSplatError
 from rle_splat.scene.display import to_bytes
 from rle_splat.view.projection import world_to_pixel
+from rle_splat.volume.volume import Volume
 
 from .conftest import RED
 
@@ -246,6 +247,20 @@ def test_the_caption_counts_what_cuts(drawing):
         figure = Figure((Panel(drawing.scene(clips=clips)),), drawing.style)
         caption = automatic_caption(PageDraft(figure))
         assert words in caption and ("Cut" in caption) == bool(clips)
+
+
+@pytest.mark.parametrize("names, words", (
+    ({}, " Hidden: Background. "),
+    ({1: "Liver", 2: "Spleen"}, " Hidden: Background, Liver and Spleen. "),
+    ({1: "Liver", 2: "Spleen", 3: "Aorta", 4: "Vein"}, " Hidden: Background, Liver, Spleen and 2 other segments. "),
+))  # fmt: skip
+def test_the_caption_names_hidden_segments(drawing, names, words):
+    scene = drawing.scene()
+    everywhere = np.zeros(scene.volume.voxels.shape, np.uint8)
+    labels = Labels(Volume(everywhere, scene.volume.affine), dict.fromkeys((0, *names)), names)
+    caption = automatic_caption(PageDraft(Figure((Panel(replace(scene, labels=labels)),), drawing.style)))
+    assert words in caption
+    assert "Hidden" not in automatic_caption(PageDraft(Figure((Panel(scene),), drawing.style)))
 
 
 # --- lettering --------------------------------------------------------------------------------------------------------
