@@ -189,6 +189,30 @@ def add_file_output(tree, folder):
     return color_inputs(node)[0]
 
 
+def test_the_volume_alone_is_a_layer_for_a_file_output(volume, bridge, tmp_path):
+    """What the Image node holds in a render: the volume without what meshes hide, premultiplied; grading it by a node
+    before Alpha Over leaves the meshes alone."""
+    strip(-2.0, (N - 1) / 2, 20.0, (0.2, 0.2, 0.2), -4.0, 12.0)
+    bpy.ops.rle_splat.composite()
+    tree = bridge("versions").compositor_tree(bpy.context.scene)
+    alone = next(node for node in tree.nodes if node.label == "RLE Splat")
+    behind = alone.outputs["Image"].links[0].to_socket
+    (tmp_path / "layer").mkdir()
+    tree.links.new(alone.outputs["Image"], add_file_output(tree, tmp_path / "layer"))
+    brighter = tree.nodes.new("CompositorNodeExposure")
+    brighter.inputs["Exposure"].default_value = 1.0
+    tree.links.new(alone.outputs["Image"], brighter.inputs["Image"])
+    tree.links.new(brighter.outputs[0], behind)
+    picture = scenes.rendered(tmp_path / "out.exr")
+    (file,) = (tmp_path / "layer").glob("*.exr")
+    layer = scenes.load_pixels(file)
+    hidden, seen = column_of(1.0), column_of(N - 2.0)
+    np.testing.assert_allclose(layer[32, hidden], 0.0, atol=1e-5)
+    np.testing.assert_allclose(layer[32, seen], over(N), atol=2.0 * TOLERANCE)
+    np.testing.assert_allclose(picture[32, hidden, :3], 0.2, atol=1e-3)
+    np.testing.assert_allclose(picture[32, seen, :3], 2.0 * over(N)[:3], atol=4.0 * TOLERANCE)
+
+
 @pytest.mark.parametrize("wired", ("before", "after", "after, by a script", "after, with a muted link"))
 @pytest.mark.parametrize("way", ("directly", "through Invert", "from another node"))
 def test_all_outputs_that_show_the_render_show_the_volume(volume, bridge, tmp_path, wired, way):
