@@ -48,7 +48,7 @@ class RLE_SPLAT_OT_frame_volume(bpy.types.Operator):
         if self.side != AS_IT_IS:
             if owner.rle_splat.space != PATIENT:
                 problem = f"The file of {owner.name} does not say how the patient lies"
-                return refuse(self, f"{problem}; click Edit in the panel File and set Orientation.")
+                return refuse(self, f"{problem}; click Edit in the File panel and set Orientation.")
             if abs(np.linalg.det(matrix[:3, :3])) < 1e-30:
                 return refuse(self, f"{owner.name} has a scale of 0; set it above 0.")
             rotation = viewports.rotation_from(self.side, matrix)

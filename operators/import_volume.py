@@ -33,7 +33,7 @@ DROPPED_SUFFIXES = (*dict.fromkeys(
     "." + suffix.rpartition(".")[2] for entry in FORMATS if entry.is_dropped for suffix in entry.suffixes),
     encoded.SUFFIX)  # fmt: skip
 CHOOSING, BODY = 0.8, 0.85  # shares of the time until the transfer function is chosen, and the body is sought
-HIDDEN = "Everything but the body is hidden; the eye of Background in the panel Segments shows it."
+HIDDEN = "Everything but the body is hidden; the eye of Background in the Segments panel shows it."
 DICOM, TIFF = (next(entry for entry in FORMATS if entry.name == name) for name in ("DICOM", "TIFF"))
 # Options that are numbers, and the switch that leaves each to the file.
 NUMBERS = (("series", "use_only_series"), ("frame", "use_first_frame"), ("level", "use_fitting_level"))
@@ -108,7 +108,7 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
         "its tab. Camera views are not changed", default=True)  # fmt: skip
     use_headlight: BoolProperty(
         name="Add Headlight if Dark", description=("Light the first volume of a scene with a headlight if the "
-            "scene's lights leave a side of it dark. The panel Lighting "
+            "scene's lights leave a side of it dark. The Lighting panel "
             "changes it"),
         default=False, options={"SKIP_SAVE"})  # fmt: skip
     use_segments: BoolProperty(
@@ -117,7 +117,7 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
         "word seg, label or segmentation", default=False, options={"SKIP_SAVE"})  # fmt: skip
     hide_table: BoolProperty(
         name="Hide Table", description="In a CT, find the body and hide the table or the head holder if the transfer "
-        "function shows it. The panel Segments shows it again", default=False, options={"SKIP_SAVE"})  # fmt: skip
+        "function shows it. The Segments panel shows it again", default=False, options={"SKIP_SAVE"})  # fmt: skip
 
     @classmethod
     def poll(cls, context):

@@ -7,7 +7,8 @@ from .segmenting import MakesSegments
 
 
 class RLE_SPLAT_OT_remove_table(MakesSegments, bpy.types.Operator):
-    """Find the body in a CT scan, including the air inside it, and hide the table, the head holder and blankets"""
+    """Hide the table, the head holder and blankets of a CT scan. Arms and hands that are separate from the trunk can
+    be hidden with them; the eye of Background shows all of it again"""
 
     bl_idname = "rle_splat.remove_table"
     bl_label = "Hide Table"

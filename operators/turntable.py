@@ -91,7 +91,7 @@ class RLE_SPLAT_OT_turntable(ExportHelper, bpy.types.Operator):
         ],
     )
     output: EnumProperty(
-        name="Output", description="What is written",
+        name="Output", description="Movie, or numbered pictures",
         items=[(MOVIE, "MP4", "One movie, with the codec H.264"),
                (PNG, "PNG", "One picture for each frame, as the screen shows it"),
                (EXR, "EXR", "One picture for each frame, scene-linear with 32 bits")])  # fmt: skip

@@ -32,7 +32,7 @@ class RLE_SPLAT_PT_slices(Sidebar, bpy.types.Panel):
         for one in found:
             halves = layout.split(factor=0.5, align=True)
             unit = one.parent.rle_splat.length_unit if one.parent is not None else ""
-            side = slice_places.side_letter(one, depsgraph)
+            side = slice_places.growing_side(one, depsgraph)
             name = with_unit(_short_name(one), ", ".join(filter(None, (side, unit))))
             halves.operator("rle_splat.choose_object", text=name, icon="IMAGE_DATA", emboss=False).name = one.name
             row = halves.row(align=True)

@@ -62,13 +62,10 @@ def place_text(one, depsgraph) -> str:
     return f"{translate(SLICE_NAMES[axis].title())}, {probe.position_text(middle, volume, [axis])}"
 
 
-def side_letter(one, depsgraph) -> str:
-    """The side of the patient's origin on which a slice lies, such as "S"; "" if that is not known."""
+def growing_side(one, depsgraph) -> str:
+    """The side of the patient toward which a slice's position grows, such as "S+"; "" if that is not known."""
     found = _place_of(one, depsgraph)
-    if found is None or found[0].space != PATIENT:
-        return ""
-    _volume, axis, middle = found
-    return LETTERS[axis][bool(middle[axis] >= 0.0)]
+    return "" if found is None or found[0].space != PATIENT else f"{LETTERS[found[1]][1]}+"
 
 
 def under(context, mouse):

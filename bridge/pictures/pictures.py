@@ -181,7 +181,7 @@ def _error_lines(report: dict) -> list[str]:
     if error.get("truth") not in TRUTH_TEXTS:
         return []
     if error["tolerance"] is None:
-        return ["The error of this picture is not measured. To measure it, use Maximum Error in the panel Advanced."]
+        return ["The error of this picture is not measured. To measure it, use Maximum Error in the Advanced panel."]
     against = TRUTH_TEXTS[error["truth"]]
     measured = f"Error in 8-bit steps: {error['sentence']}; the reference is {against}"
     return [measured, error.get("statement", ""), report["plan"]["name"]]

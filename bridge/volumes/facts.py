@@ -131,7 +131,7 @@ def histogram_problem(properties) -> str:
     """What a panel says of a histogram that is damaged; "" for any other."""
     if not properties.histogram or stored_histogram(properties) is not None:
         return ""
-    return filled("The histogram saved in this file is damaged; click Reload in the panel File.")
+    return filled("The histogram saved in this file is damaged; click Reload in the File panel.")
 
 
 @dataclass(frozen=True)

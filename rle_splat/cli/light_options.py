@@ -33,7 +33,7 @@ def add_light_effect_options(parser, with_pass: bool = True) -> None:
     )  # fmt: skip
     group.add_argument(
         "--indirect-light", type=float, default=0.0, metavar="AMOUNT",
-        help="translucency, 0 (off, the default) to 1; light that casts shadows scatters in the volume; only with "
+        help="scattering, 0 (off, the default) to 1; light that casts shadows scatters in the volume; only with "
         "--classification post",
     )  # fmt: skip
     if with_pass:

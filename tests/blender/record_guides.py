@@ -8,6 +8,7 @@ and HEAD_MR.
 how-to-preferences.jpg is a part of preferences.png of window_panels.py, without paths.
 """
 
+import os
 import shutil
 import tempfile
 from importlib import import_module
@@ -22,6 +23,7 @@ from tests.blender.guide_steps import AORTA, DATA, SCANS, activate, bare, begin,
 from tests.blender.real_blender import MODULE
 from tests.blender.user_steps import middle, press, scroll_sidebar, settled, simulate
 from tests.blender.window_driver import (
+    SHOTS,
     area_of,
     drive,
     in_the_view,
@@ -417,6 +419,26 @@ def reported():
     passed("report")
 
 
+def first_picture():
+    """The render that the README's steps make of its sample."""
+    yield from begin()
+    scene, camera = bpy.context.scene, bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    scene.world = bpy.data.worlds.new("World")  # as in a new file
+    scene.collection.objects.link(camera)
+    scan = shutil.copy(DATA / BRAIN, Path(tempfile.mkdtemp()) / "FLAIR.nrrd")
+    with in_the_view():
+        assert bpy.ops.rle_splat.import_volume(filepath=str(scan)) == {"FINISHED"}
+    yield from settled()
+    scene.camera, camera.matrix_world = camera, area_of("VIEW_3D").spaces.active.region_3d.view_matrix.inverted()
+    with in_the_view():
+        assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+    scene.view_settings.view_transform, render = "Standard", scene.render
+    render.resolution_x, render.resolution_y, render.image_settings.file_format = 840, 560, "JPEG"
+    render.image_settings.quality, render.filepath = 84, str(Path(os.environ[SHOTS]) / "readme-first.jpg")
+    assert bpy.ops.render.render(write_still=True) == {"FINISHED"}
+    passed("first picture")
+
+
 def scenario():
     bpy.context.preferences.system.use_region_overlap = False  # the sidebar stands beside the view
     open_panels("RLE_SPLAT_PT_volume", *(f"RLE_SPLAT_PT_{name}" for name in PANELS))
@@ -426,6 +448,6 @@ def scenario():
 
 PARTS = (
     layout, curve, window_tool, set_up_slices, presets, kept, smoothness, table, cut, surface, raw_file, live, pinned,
-    in_time, reported,
+    in_time, reported, first_picture,
 )  # fmt: skip
 drive(scenario)

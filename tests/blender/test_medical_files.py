@@ -171,8 +171,7 @@ def test_the_view_of_a_slice_names_its_place_in_the_patient(nifti, bridge):
         bpy.context.view_layer.update()
         text = bridge("live.slice_places").place_text(one, bpy.context.evaluated_depsgraph_get())
         assert text.endswith(f"{'S' if height > 0.0 else 'I'} {abs(height):.1f} mm")
-        letter = bridge("live.slice_places").side_letter(one, bpy.context.evaluated_depsgraph_get())
-        assert letter == ("S" if height > 0.0 else "I")
+        assert bridge("live.slice_places").growing_side(one, bpy.context.evaluated_depsgraph_get()) == "S+"
 
 
 def test_it_is_read_again_after_a_reload_and_after_it_moved(nifti, values, bridge, tmp_path):

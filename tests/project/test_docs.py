@@ -240,3 +240,9 @@ def test_the_glossary_has_the_words_of_the_project():
         axis, T1, T2
     """
     assert {" ".join(word.split()) for word in wanted.split(",")} <= set(terms)
+
+
+def test_the_index_of_the_python_reference_has_every_public_name():
+    text = (ROOT / "docs/reference/python.md").read_text(encoding="utf-8")
+    index = text[text.index("| task | names |") : text.index("<!-- generated")]
+    assert re.findall(r"\[(\w+)\]\(#\w+\)", index) == rle_splat.__all__
