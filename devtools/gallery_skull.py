@@ -16,6 +16,7 @@ from mathutils import Matrix, Vector
 MM = 0.001
 CORNER = Vector((4.0, 0.0, 14.0))  # the left upper quarter beyond it is cut away
 PATCH = Vector((-22.0, -150.0, 24.0))  # before the forehead, where the plate is
+DEFECT = Vector((12.0, 14.0, 12.0))  # half the sides of the hole below the plate, in mm
 CELL, COLUMNS, ROWS = 5.8, 9, 9  # of the plate: mm from hole to hole; holes
 SOLID = 250.0  # HU: between air and the plastic of the skull, 700 HU
 WINDOW = 570.0, 580.0  # HU, level and width: below it are air, the blocks inside, and the dark rim of the plastic
@@ -65,9 +66,17 @@ def _surface_before(bone, eye: Vector) -> tuple[Vector, Vector]:
     return bone.matrix_world @ place, normal.normalized()
 
 
-def _plate(stage: Stage, bone, coat) -> None:
-    """A net shrinkwrapped onto the bone, its bars made solid, with screws along its edge."""
-    place, normal = _surface_before(bone, stage.middle + MM * PATCH)
+def _remove(half: Vector, matrix: Matrix) -> None:
+    """A box that cuts away what is inside; ``half`` of its sides, in meters."""
+    bpy.ops.rle_splat.add_clip(kind="BOX", keep="OUTSIDE")
+    box = bpy.context.view_layer.objects.active
+    box.matrix_world = matrix @ Matrix.Diagonal((*(half / box.empty_display_size), 1.0))
+
+
+def _plate(stage: Stage, bone, coat) -> tuple[Vector, Vector]:
+    """A net shrinkwrapped onto the bone, its bars made solid, with screws along its edge; returns the place and the
+    normal of the bone below its middle."""
+    place, normal = below = _surface_before(bone, stage.middle + MM * PATCH)
     plate = _net(place + 15.0 * MM * normal)
     plate.rotation_euler = normal.to_track_quat("-Y", "Z").to_euler()
     wrap = plate.modifiers.new("On the Bone", "SHRINKWRAP")
@@ -116,6 +125,7 @@ def _plate(stage: Stage, bone, coat) -> None:
             placed = part.matrix_world.copy()
             part.parent, part.matrix_parent_inverse = plate, to_plate
             part.matrix_world = placed
+    return below
 
 
 def _slice(stage: Stage, kind: str, low: Vector, high: Vector) -> None:
@@ -147,13 +157,12 @@ def skull(stage: Stage):
     titanium = material("Titanium", (0.5, 0.52, 0.56), roughness=0.42, metallic=1.0)
     bpy.ops.rle_splat.extract_surface(of="VALUE", value=SOLID)
     bone = bpy.context.view_layer.objects.active
-    _plate(stage, bone, titanium)
+    place, normal = _plate(stage, bone, titanium)
     bone.hide_render = bone.hide_viewport = True
     bpy.context.view_layer.objects.active = stage.volume
-    bpy.ops.rle_splat.add_clip(kind="BOX", keep="OUTSIDE")
-    box, half = bpy.context.view_layer.objects.active, MM * Vector((100.0, 200.0, 100.0))
-    place = Matrix.Translation(at + MM * (CORNER + Vector((100.0, 0.0, 100.0))))
-    box.matrix_world = place @ Matrix.Diagonal((*(half / box.empty_display_size), 1.0))
+    _remove(MM * DEFECT, Matrix.Translation(place) @ normal.to_track_quat("-Y", "Z").to_matrix().to_4x4())
+    bpy.context.view_layer.objects.active = stage.volume
+    _remove(MM * Vector((100.0, 200.0, 100.0)), Matrix.Translation(at + MM * (CORNER + Vector((100.0, 0.0, 100.0)))))
     front, back, left, top = -105.0, 80.0, 72.0, 69.0  # the head holder is beyond them
     x, z = CORNER.x + 0.5, CORNER.z + 0.5  # before the cuts, which would show through in stripes
     _slice(stage, "sagittal", Vector((x, front, z)), Vector((x, back, top)))

@@ -21,7 +21,6 @@ LEADING = 1.35  # from line to line, in font sizes
 BAR = 0.7  # mm: thickness of a scale bar
 WIDEST_BAR = 85.0  # mm: a color bar for the whole figure
 ALIKE = 1e-4  # share of a range up to which Blender's numbers of 32 bits count as those of a preset
-MOST_NAMED = 3  # hidden segments in a caption
 CUBE = 2.8  # font sizes: an edge of the cube
 NO_SIDES = "The volume's file does not say where the patient's sides are"
 
@@ -304,14 +303,16 @@ def automatic_caption(draft: PageDraft) -> str:
 
 
 def _hidden_words(scene: Scene) -> str:
-    """The names of hidden segments, of many the first ones and the number of the others; "" without any."""
+    """How many segments are hidden, and whether the background is; "" where nothing is.
+
+    Without the names of segments, which may say who the patient is.
+    """
     if scene.labels is None:
         return ""
-    names = {BACKGROUND: "Background", **scene.labels.names}
-    hidden = [names.get(one, f"segment {one}") for one, function in scene.labels.functions.items() if function is None]
-    more = len(hidden) - MOST_NAMED
-    words = [*hidden[:MOST_NAMED], *([f"{more} other segment{'s' * (more > 1)}"] if more > 0 else [])]
-    return " and ".join(part for part in (", ".join(words[:-1]), *words[-1:]) if part)
+    hidden = {label for label, function in scene.labels.functions.items() if function is None}
+    count = len(hidden - {BACKGROUND})
+    segments = f"{count} segment{'s' * (count > 1)}" if count else ""
+    return " and ".join(filter(None, ("what is in no segment" * (BACKGROUND in hidden), segments)))
 
 
 def _function_words(scene: Scene) -> str:

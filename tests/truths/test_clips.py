@@ -246,7 +246,7 @@ def test_what_cuts_nothing_changes_no_bit(stage, classification):
     picture = stage.render(replace(scene, clips=(around, beside)), **knobs)
     assert picture.rgba.tobytes() == without.rgba.tobytes() and picture.depth.tobytes() == without.depth.tobytes()
     effect = {"name": "clip objects", "on": False, "ms": 0.0}
-    effect["reason"] = "the scene has 2 clip objects, and none cuts the volume"
+    effect["reason"] = "the scene has 2 cutting objects, and none cuts the volume"
     assert effect in picture.report["effects"]
 
 
