@@ -127,6 +127,16 @@ def test_steep_pixels_end_at_meshes(stage, given, clips, perspective):
 
 
 @PROJECTIONS
+def test_a_crop_of_a_cut_volume_with_a_mesh_has_the_pixels_of_the_whole(stage, perspective):
+    scene = scene_of(stage, perspective, triangles=wall(0.3), clips=(Clip("box", MIDDLE, "outside"),))
+    left, top, right, bottom = crop = (20, 13, 57, 49)
+    whole, part = render(scene, POST), render(replace(scene, crop=crop), POST)
+    assert part.report["rays"]["pixels"] > 50
+    np.testing.assert_array_equal(part.rgba, whole.rgba[top:bottom, left:right])
+    np.testing.assert_array_equal(part.depth, whole.depth[top:bottom, left:right])
+
+
+@PROJECTIONS
 def test_rays_past_silhouettes_are_mixed(stage, perspective):
     """Each pixel is what it would be with and without the wall, by the share that the wall covers of it."""
     everywhere, scene = replace(POST, rays=1e-9), scene_of(stage, perspective)
