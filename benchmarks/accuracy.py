@@ -122,7 +122,8 @@ def measure(subject: Subject, perspective: bool, options, with_knobs: bool, ligh
     base = replace(STANDARD, threads=options.threads)
     plans, names = sensible_plans(base), {}
     for name, plan in variants(base).items() if with_knobs else ():
-        equal = next((other for other in plans if same_plan(plan, other)), None)
+        # A preset would take the plan that suits the scene, in which more than one knob differs.
+        equal = next((other for other in plans if same_plan(plan, other) and not other.is_preset), None)
         if equal is None:
             plans.append(plan)
         names[name] = plan.name if equal is None else equal.name

@@ -41,7 +41,10 @@ QUALITY_TEXTS = {
     "draft": ("Draft", "Fast and coarse, for moving around"),
     "standard": ("Standard", "A balance of time and accuracy"),
     "fine": ("Fine", "More accurate, for final pictures; up to twice the time of Standard"),
-    "strict": ("Very Fine", "The most accurate; 3 to 5 times the time of Standard, with shadows often more"),
+    "strict": (
+        "Very Fine",
+        "The most accurate; 3 to 5 times the time of Standard, with shadows or ambient occlusion up to 50 times",
+    ),
 }
 CLASSIFICATION_TEXTS = {
     "pre": ("Colors", "Give every voxel its color and opacity, then interpolate those, as in the paper "
