@@ -18,7 +18,7 @@ BLACK = (0.0, 0.0, 0.0)
 # Of the cortex, for each channel: level, window, opacity unit distance in µm, name, and the color of the name.
 CHANNELS = (
     (1900.0, 2000.0, 10.0, "Labeled cells", (0.0, 1.0, 0.0)),
-    (500.0, 700.0, 170.0, "Background", (1.0, 0.1, 1.0)),
+    (500.0, 700.0, 100.0, "Background", (0.8, 0.08, 0.8)),
 )
 BAR_UM = 100.0
 

@@ -296,7 +296,7 @@ def test_real_files(formats, core, name, shape, spacing, remarks):
     assert (volume.shape_xyz, volume.modality, len(volume.remarks)) == (shape, "SMOKE", remarks)
     np.testing.assert_allclose(volume.spacing, spacing, atol=1e-4)
     function, reason = core("classify.default").default_transfer_function(volume)
-    assert "smoke" in reason
+    assert "Smoke" in reason
     assert 0.05 < (function.alpha_at(volume.voxels) > 0.0).mean() < 0.3
 
 

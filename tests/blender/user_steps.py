@@ -32,14 +32,15 @@ def settled():
 
 
 def refined():
-    """Until the viewport has its refined picture and the add-on nothing to do, in three turns of the window."""
+    """Until the viewport has its refined picture and the add-on nothing to do, in ten turns of the window: on a busy
+    machine Blender brings the last changes late."""
     rests = 0
 
     def has_rested() -> bool:
         nonlocal rests
         shown = viewport()
         rests = rests + 1 if shown is not None and shown.is_refined and not shown.is_busy and is_at_rest() else 0
-        return rests == 3
+        return rests == 10
 
     yield from settled()
     yield from until(has_rested)
