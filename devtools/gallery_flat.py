@@ -17,8 +17,8 @@ UPRIGHT = Matrix.Rotation(1.5707963, 4, "X")  # texts that are read from the fro
 BLACK = (0.0, 0.0, 0.0)
 # Of the cortex, for each channel: level, window, opacity unit distance in µm, name, and the color of the name.
 CHANNELS = (
-    (1900.0, 2000.0, 10.0, "Labeled cells", (0.0, 1.0, 0.0)),
-    (500.0, 700.0, 100.0, "Background", (0.8, 0.08, 0.8)),
+    (1650.0, 1500.0, 8.0, "Labeled cells", (0.0, 1.0, 0.0)),
+    (490.0, 640.0, 90.0, "Background", (0.8, 0.08, 0.8)),
 )
 BAR_UM = 100.0
 
@@ -58,7 +58,7 @@ def cortex(stage: Stage):
     place = Matrix.Translation(corner + Vector((0.5 * bar, -0.1 * stage.size, 0.0)))
     scale_bar("100 µm", place, bar, 0.045 * stage.size, white)
     _block(stage, shining("Edges", (0.12, 0.12, 0.13)))
-    stage.camera((0.0, -1.5, 1.5), lens=56.0, aim=(0.0, -0.08, -0.05))
+    stage.camera((0.0, -0.55, 2.0), lens=50.0, aim=(0.0, -0.045, -0.05))
     flat_world(BLACK)
     stage.settings.quality = "fine"
     view_transform("Standard")

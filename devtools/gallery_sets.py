@@ -6,6 +6,7 @@ Every step is an operator or a setting that a user has, too.
 
 from __future__ import annotations
 
+import json
 import math
 
 import bpy
@@ -166,7 +167,13 @@ def heart(stage: Stage):
 
 WHOLE = {2, 3, 5, 6, 7, 8, 11, 12, 13, 14}  # nuclei that no side of the stack cuts
 DIVIDING = 4
-BLUE = (0.16, 0.3, 0.75)
+# Opacity and color of nuclei by their values: chromatin is pale and opaque, what is between it dark and translucent.
+CHROMATIN = {
+    "name": "chromatin",
+    "opacity": [[8200, 0.0], [9500, 0.03], [13000, 0.06], [18000, 0.5], [24000, 0.95]],
+    "color": [[8200, 0.02, 0.06, 0.4], [13000, 0.05, 0.25, 0.85], [17000, 0.3, 0.62, 1.0], [24000, 0.9, 0.97, 1.0]],
+    "opacity_unit_distance": 0.26,  # µm
+}
 GOLD = (0.95, 0.5, 0.08)
 BUMPY = 13  # has a rim of its neighbor
 SIDE_UM = 66.3  # of the stack
@@ -181,10 +188,12 @@ def nuclei(stage: Stage):
     ours = stage.volume.rle_splat
     for row in ours.labels:
         row.show = row.label in WHOLE or row.label == DIVIDING
-        row.use_color, row.color = True, GOLD if row.label == DIVIDING else BLUE
+        if row.label == DIVIDING:
+            row.use_color, row.color = True, GOLD
+    (stage.folder / "chromatin.json").write_text(json.dumps(CHROMATIN) + "\n")
+    bpy.ops.rle_splat.load_transfer(filepath=str(stage.folder / "chromatin.json"))
     ours.active_label = next(n for n, row in enumerate(ours.labels) if row.label == BUMPY)
     bpy.ops.rle_splat.change_segment(tool="SMOOTH", length=1.5)
-    ours.smoothness = 0.6  # µm, twice what is automatic
     bpy.ops.rle_splat.add_slice(kind="axial")
     _let_shade(bpy.context.view_layer.objects.active)
     bpy.context.view_layer.objects.active = stage.volume
@@ -197,10 +206,10 @@ def nuclei(stage: Stage):
     bpy.context.view_layer.update()
     _name(stage, camera, "Dividing nucleus", (-22.4, -6.7, 1.7), (-0.27, 0.2), white)
     stage.without_background(12)
-    stage.key(3.2, (-1.3, -0.5, 1.1))
+    stage.key(4.0, (-1.3, 0.3, 0.9))
     stage.area("Rim", 40.0, (1.4, 1.2, 0.9), COLD)
     softbox_world(((0.02, 0.02, 0.022), (0.05, 0.055, 0.065), (0.25, 0.27, 0.3)),
-                  (((1.6, -0.9, 0.8), 22.0, (2.6, 2.6, 2.8)),), 0.6)  # fmt: skip
+                  (((1.6, -0.9, 0.8), 22.0, (2.6, 2.6, 2.8)),), 0.45)  # fmt: skip
     stage.settings.ambient_occlusion, stage.settings.quality = 0.8, "strict"
     view_transform("Standard")
     yield RENDER
