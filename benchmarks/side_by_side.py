@@ -47,6 +47,7 @@ LAMP = (0.55, -0.6, -0.58)  # where the sun shines to, in the camera's axes: fro
 ENERGY = 3.2
 TITLE, LETTERS = 1 / 14, 1 / 23  # height of the room above each picture, and of its letters, in sides of it
 STRIP = (44, 44, 44)  # the color of that room
+FILLED, FAINT, SOFT = 0.9, 0.02, 0.3  # of presets: part of the picture, least opacity that counts, light of the world
 BRIGHT = 0.9  # quantile of what is seen that is made equal
 
 NUCLEI = TransferFunction(
@@ -364,10 +365,23 @@ def join_crops(programs, path: Path, quality: int) -> None:
     _save(pictures, len(CROPS), path, quality)
 
 
+def _filled(scene: Scene) -> Scene:
+    """The scene with the camera's lens and shift changed, so that what is seen is in the middle and fills FILLED of the
+    picture."""
+    seen = render(scene, Quality.preset("draft")).rgba[..., 3] > FAINT
+    low, high = np.array([np.flatnonzero(seen.any(axis=axis))[[0, -1]] for axis in (0, 1)]).T / scene.width - 0.5
+    closer, (x, y) = FILLED / max(high - low), 0.5 * (low + high)
+    camera = scene.camera
+    shifts = {"shift_x": closer * (camera.shift_x + x), "shift_y": closer * (camera.shift_y - y)}
+    return replace(scene, camera=replace(camera, lens=closer * camera.lens, **shifts))
+
+
 def join_presets(names, size: int, path: Path, quality: int) -> None:
-    """Draw PRESETS of some names at ``fine``, and join them to a sheet, three in a row."""
-    quality_of_ours = Quality.preset("fine", threads=1)
-    pictures = [(name, _shown(render(scene_of(PRESETS[name], size), quality_of_ours).rgba, None)) for name in names]
+    """Draw PRESETS of some names at ``fine``, in a brighter world, and join them to a sheet, three in a row."""
+    best, pictures = Quality.preset("fine", threads=1), []
+    for name in names:
+        scene = _filled(replace(scene_of(PRESETS[name], size), world=(SOFT,) * 3))
+        pictures.append((name, _shown(render(scene, best).rgba, None)))
     _save(pictures, 3, path, quality)
 
 
