@@ -44,6 +44,7 @@ class Recipe:
     toward: tuple = (0.55, -1.9, 0.35)
     aim: tuple = (0.0, 0.0, 0.0)
     lens: float = 70.0
+    turn: float = 0.0  # radians about Z
 
 
 def _bone(stage: Stage) -> None:
@@ -66,8 +67,8 @@ def _skin(stage: Stage) -> None:
 
 
 def _smoke(stage: Stage) -> None:
-    stage.lamp("Within", "POINT", 3.6, (0.0, 0.0, -0.22), (1.0, 0.2, 0.03), shadow_soft_size=0.1)
-    stage.lamp("Sun", "SUN", 0.6, (-1.4, -0.4, 1.3), COLD)
+    stage.lamp("Warm", "SUN", 9.0, (1.5, -0.6, 0.3), (1.0, 0.45, 0.12))
+    stage.lamp("Cold", "SUN", 9.0, (-1.5, -0.6, 0.8), (0.3, 0.55, 1.0))
 
 
 def _specimen(stage: Stage) -> None:
@@ -75,7 +76,7 @@ def _specimen(stage: Stage) -> None:
     stage.area("Rim", 170.0, (1.5, 1.2, 0.4), COLD, use_shadow=True)
 
 
-SOFTBOXES = (((-1.5, -0.6, 1.1), 20.0, (17.0, 15.7, 14.5)), ((1.5, 0.7, 0.3), 16.0, (13.0, 17.0, 22.0)))
+SOFTBOXES = (((-1.1, -0.85, 1.2), 16.0, (26.0, 24.0, 22.0)), ((1.2, 0.9, 0.5), 16.0, (20.0, 27.0, 36.0)))
 OPAQUE = {"opacity_unit_distance": 0.05, "smoothness": 2.0, "shift_by": -100.0}  # mm, mm, HU: thin bone is whole
 RECIPES = (
     Recipe(
@@ -94,9 +95,11 @@ RECIPES = (
         AORTA,
         _studio,
         {"preset": "ct-angiography"},
-        after={"ambient_occlusion": 0.6},
-        toward=(1.65, -1.05, 0.3),
-        lens=62.0,
+        {"smoothness": 3.0},
+        after={"ambient_occlusion": 1.0},
+        toward=(0.0, -1.95, 0.3),
+        turn=-1.0,
+        lens=57.0,
     ),
     Recipe(
         "skin",
@@ -108,7 +111,14 @@ RECIPES = (
         aim=(0.0, 0.0, -0.1),
         lens=58.0,
     ),
-    Recipe("smoke", "smoke_fog.vdb", _smoke, after={"use_shading": True, "diffuse": 1.0}, aim=(0.0, 0.0, -0.05)),
+    Recipe(
+        "smoke",
+        "smoke_fog.vdb",
+        _smoke,
+        after={"use_shading": True, "ambient": 0.1, "diffuse": 1.0},
+        aim=(0.0, 0.0, -0.08),
+        lens=80.0,
+    ),
     Recipe(
         "specimen",
         LOBSTER,
@@ -176,6 +186,7 @@ def light(stage: Stage):
         volume = bpy.context.view_layer.objects.active
         if path.suffix == ".vdb":
             volume.matrix_world = Matrix.Rotation(1.5708, 4, "X") @ volume.matrix_world
+        volume.matrix_world = Matrix.Rotation(recipe.turn, 4, "Z") @ volume.matrix_world
         made = Stage.of(volume, stage.folder)
         if recipe.file == SKULL:
             _without_holder()
