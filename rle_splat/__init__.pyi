@@ -1,0 +1,64 @@
+"""The scripting interface, one name a line, by task as docs/reference/python.md has it: for ``__init__.py``, type
+checkers and editors.
+"""
+
+# read and write
+from .read.formats import read_volume as read_volume
+from .read.formats import read_steps as read_steps
+from .read.labels import read_labels as read_labels
+from .read.formats import write_volume as write_volume
+from .read.formats import write_steps as write_steps
+from .volume.volume import Volume as Volume
+from .volume.volume import NamedLabel as NamedLabel
+
+# transfer functions
+from .classify.presets import fit_preset as fit_preset
+from .classify.presets import preset as preset
+from .classify.default import default_transfer_function as default_transfer_function
+from .classify.transfer_files import read_transfer_functions as read_transfer_functions
+from .classify.transfer_files import fit_function as fit_function
+from .classify.transfer_function import TransferFunction as TransferFunction
+from .classify.transfer_function import Shade as Shade
+from .classify.transfer_function import GradientOpacity as GradientOpacity
+from .classify.foreign import FileFunction as FileFunction
+
+# what is in the picture
+from .scene import Scene as Scene
+from .view.turntable import turntable as turntable
+from .view.turntable import turntable_aim as turntable_aim
+from .view.look_at import look_at as look_at
+from .scene import Camera as Camera
+from .scene import Light as Light
+from .scene import Environment as Environment
+from .scene import Mist as Mist
+from .scene import Clip as Clip
+from .scene import Labels as Labels
+from .segment.body import hide_table as hide_table
+from .scene import Channel as Channel
+from .scene import Pose as Pose
+
+# pictures
+from .pipeline.render import render as render
+from .pipeline.render import render_steps as render_steps
+from .accuracy.planner.tolerance import render_within as render_within
+from .accuracy.planner.tolerance import tolerance_steps as tolerance_steps
+from .scene import Quality as Quality
+from .scene import Rendering as Rendering
+from .cli.images import write_picture as write_picture
+from .pipeline.stage_cache import StageCache as StageCache
+from .runtime.steps import Progress as Progress
+from .scene import Cancelled as Cancelled
+from .scene import RleSplatError as RleSplatError
+
+# encoded volumes
+from .pipeline.encode_scene import encode_scene as encode
+from .pipeline.encode_scene import encode_scene_steps as encode_steps
+from .pipeline.encode_folder import encode_folder as encode_folder
+from .encode.store import save as save_encoded
+from .encode.store import load as load_encoded
+from .encode.stored import StoredVolume as StoredVolume
+from .pipeline.quick_estimate import estimate as estimate_memory
+from .pipeline.memory_estimate import MemoryEstimate as MemoryEstimate
+
+# release
+from .runtime.cache_folder import RELEASE as __version__
