@@ -25,7 +25,7 @@ from rle_splat.classify.classification import classify
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.encode.encode import encode
 from rle_splat.encode.stored import StoredVolume
-from rle_splat.pipeline.encode_scene import encode_scene
+from rle_splat.pipeline.encode_scene import encode as encode_scene
 from rle_splat.read.formats import read_volume
 from rle_splat.scene import Quality, RleSplatError, Scene
 from rle_splat.view.turntable import turntable

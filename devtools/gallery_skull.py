@@ -182,13 +182,13 @@ def skull(stage: Stage):
     stage.camera(toward, lens=66.0, aim=(0.03, -0.08, -0.085))
     stage.sweep(toward, stage.foot - 5.0 * MM / stage.size, (0.06, 0.066, 0.078))
     # From the side: the shadow of each bar falls into the hole beside it.
-    stage.lamp("Key", "SUN", 3.2, (1.4, -0.7, 0.8), WARM, angle=math.radians(8.0))
+    stage.lamp("Key", "SUN", 4.0, (1.6, -0.35, 0.95), WARM, angle=math.radians(5.0))
     stage.area("Rim", 60.0, (-1.6, 1.4, 1.2), COLD)
     softbox_world(
         ((0.02, 0.02, 0.022), (0.05, 0.055, 0.065), (0.25, 0.27, 0.3)),
         (((1.6, -1.3, 1.1), 22.0, (3.0, 2.8, 2.6)), ((-1.6, -0.9, 0.6), 18.0, (3.0, 3.4, 4.0))),
-        0.2,
+        0.15,
     )
-    stage.settings.ambient_occlusion, stage.settings.quality = 0.5, "strict"
+    stage.settings.ambient_occlusion, stage.settings.quality = 0.9, "strict"
     view_transform("Standard")
     yield RENDER

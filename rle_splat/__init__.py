@@ -9,17 +9,19 @@ from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 
-# Public name -> (module that defines it, name in that module), from lines "from .MODULE import NAME as PUBLIC".
+# Public name -> module that defines it, from lines "from .MODULE import NAME as NAME".
 _LINES = Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8").splitlines()
-_HOME = {words[5]: (words[1][1:], words[3]) for words in map(str.split, _LINES) if words[:1] == ["from"]}
-__all__ = [name for name in _HOME if name != "__version__"]
+_HOME = {words[-1]: words[1] for words in map(str.split, _LINES) if words[:1] == ["from"]}
+__all__ = list(_HOME)
 
 
 def __getattr__(name):
-    if name not in _HOME:
+    if name == "__version__":
+        value = import_module(".runtime.cache_folder", __name__).RELEASE
+    elif name in _HOME:
+        value = getattr(import_module(_HOME[name], __name__), name)
+    else:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    module, attribute = _HOME[name]
-    value = getattr(import_module(f".{module}", __name__), attribute)
     globals()[name] = value
     return value
 

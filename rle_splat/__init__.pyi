@@ -51,14 +51,14 @@ from .scene import Cancelled as Cancelled
 from .scene import RleSplatError as RleSplatError
 
 # encoded volumes
-from .pipeline.encode_scene import encode_scene as encode
-from .pipeline.encode_scene import encode_scene_steps as encode_steps
+from .pipeline.encode_scene import encode as encode
+from .pipeline.encode_scene import encode_steps as encode_steps
 from .pipeline.encode_folder import encode_folder as encode_folder
-from .encode.store import save as save_encoded
-from .encode.store import load as load_encoded
+from .encode.store import save_encoded as save_encoded
+from .encode.store import load_encoded as load_encoded
 from .encode.stored import StoredVolume as StoredVolume
-from .pipeline.quick_estimate import estimate as estimate_memory
+from .pipeline.quick_estimate import estimate_memory as estimate_memory
 from .pipeline.memory_estimate import MemoryEstimate as MemoryEstimate
 
 # release
-from .runtime.cache_folder import RELEASE as __version__
+__version__: str

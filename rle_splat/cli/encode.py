@@ -56,12 +56,12 @@ def run(args) -> None:
     outputs = [args.output, *reports]
     quality, files = options.encoding_quality(args), read_scene_files(args)
     from ..encode.store import write
-    from ..pipeline.encode_scene import encode_scene_steps
+    from ..pipeline.encode_scene import encode_steps
 
     with ProgressLine(args.progress) as line:
         scene, read_ms, described = read_scene(args, line, files)
         with line.compiling():
-            steps = encode_scene_steps(scene, quality, axes, Path(args.volume).name)
+            steps = encode_steps(scene, quality, axes, Path(args.volume).name)
             stored, report = line.follow(steps, start=0.1)
         line.show(1.0, "writing")
         with whole_files(outputs) as parts:

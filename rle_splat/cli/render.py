@@ -314,7 +314,7 @@ def _prepare_voxels(args, checked: Checked, line, like: Like | None) -> tuple[Pr
 def _prepare_tables(args, quality) -> PreparedScene:
     """Load a .rle file, with its own transfer function, lights, model and record, and make its scene."""
     from ..classify.transfer_function import TransferFunction
-    from ..encode.store import load
+    from ..encode.store import load_encoded
 
     camera, matrix = read_placement(args)
     given_function = read_transfer_function(args)
@@ -324,7 +324,7 @@ def _prepare_tables(args, quality) -> PreparedScene:
         option = next(iter(options.volume_options(args))).replace("_", "-")
         raise RleSplatError(f"--{option} has no effect on a .rle file, which describes its own layout; remove it.")
     began = perf_counter()
-    stored = load(args.volume)
+    stored = load_encoded(args.volume)
     read_ms = 1e3 * (perf_counter() - began)
     if quality.classification != stored.classification:
         asked = args.classification or quality.classification

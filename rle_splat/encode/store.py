@@ -25,7 +25,7 @@ from .stored import StoredVolume, open_volume
 from .tables import RunLengthVolume, counts_of, pointers_from_counts
 
 
-def save(path, stored: StoredVolume) -> None:
+def save_encoded(path, stored: StoredVolume) -> None:
     """Write a `.rle` file. An existing file is replaced only when the new one is complete.
 
     Parameters
@@ -91,7 +91,7 @@ def _gather(array: np.ndarray, starts: np.ndarray, counts: np.ndarray) -> np.nda
     return array[np.repeat(shift, counts[filled]) + np.arange(total)]
 
 
-def load(path) -> StoredVolume:
+def load_encoded(path) -> StoredVolume:
     """Open a `.rle` file or folder. Its header is checked now, its tables when they are needed.
 
     Parameters

@@ -13,7 +13,7 @@ from .source import Work
 from .stage_cache import StageCache
 
 
-def encode_scene(scene: Scene, quality: Quality | None = None, axes=tuple(AXES), source: str = "") -> StoredVolume:
+def encode(scene: Scene, quality: Quality | None = None, axes=tuple(AXES), source: str = "") -> StoredVolume:
     """Classify, shade and encode the volume of a scene.
 
     Parameters
@@ -31,10 +31,10 @@ def encode_scene(scene: Scene, quality: Quality | None = None, axes=tuple(AXES),
     StoredVolume
         Can be saved, and rendered as a volume.
     """
-    return drain(encode_scene_steps(scene, quality, axes, source))[0]
+    return drain(encode_steps(scene, quality, axes, source))[0]
 
 
-def encode_scene_steps(scene: Scene, quality: Quality | None = None, axes=tuple(AXES), source: str = ""):
+def encode_steps(scene: Scene, quality: Quality | None = None, axes=tuple(AXES), source: str = ""):
     """Generator form of ``encode``: yields Progress, returns (StoredVolume, report)."""
     quality = as_quality(quality).classified("pre")
     scene = analyze_effects(scene, quality)[1]

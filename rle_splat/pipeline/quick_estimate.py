@@ -20,7 +20,7 @@ TYPICAL_NEAR = 1.5
 TYPICAL_PIECE = 4  # visible voxels side by side in a row of a scan, where nothing but a histogram is known
 
 
-def estimate(
+def estimate_memory(
     volume, transfer_function, quality: Quality | None = None, *, axes: int = 1, shaded: bool | None = None,
     picture: int = 0,
 ) -> MemoryEstimate:  # fmt: skip

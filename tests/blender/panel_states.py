@@ -169,8 +169,8 @@ def encoded(folder):
     plain, quality = import_module(f"{MODULE}.bridge.scene.render_scene").read_scene(
         bpy.context.object, bpy.context.evaluated_depsgraph_get(), with_meshes=False
     )
-    stored = core["pipeline.encode_scene"].encode_scene(plain, quality.classified("pre"))
-    core["encode.store"].save(folder / "scan.rle", stored)
+    stored = core["pipeline.encode_scene"].encode(plain, quality.classified("pre"))
+    core["encode.store"].save_encoded(folder / "scan.rle", stored)
     assert bpy.ops.rle_splat.import_volume(filepath=str(folder / "scan.rle")) == {"FINISHED"}
 
 

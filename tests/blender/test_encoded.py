@@ -48,7 +48,7 @@ def encode(scan, bridge, core, tmp_path):
         quality = core("scene").Quality(classification="post" if kind == "post" else "pre")
         path = tmp_path / f"{kind}.rle"
         if kind == "file":
-            core("encode.store").save(path, core("pipeline.encode_scene").encode_scene(plain, quality))
+            core("encode.store").save_encoded(path, core("pipeline.encode_scene").encode(plain, quality))
         else:
             core("pipeline.encode_folder").encode_folder(plain, path, quality)
         return path

@@ -9,7 +9,7 @@ from benchmarks import effects as prices
 from benchmarks.scenes import shells
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.effects.analyze import EFFECTS, analyze, analyze_effects
-from rle_splat.pipeline.encode_scene import encode_scene
+from rle_splat.pipeline.encode_scene import encode
 from rle_splat.pipeline.render import render
 from rle_splat.scene import Light, Quality, RleSplatError, Scene
 from rle_splat.view.turntable import turntable
@@ -220,9 +220,9 @@ def test_what_is_left_has_lost_what_is_off_and_is_left_alone_the_second_time():
 
 def test_a_rle_file_says_that_its_light_is_baked():
     scene = scene_of()
-    stored = replace(scene, volume=encode_scene(scene), headlight=False)
+    stored = replace(scene, volume=encode(scene), headlight=False)
     assert told(stored, "shading", "pre") == told(stored, "specular", "pre") == (False, "baked into the .rle file")
-    encoded = encode_scene(replace(scene, effects={"shading": False}))
+    encoded = encode(replace(scene, effects={"shading": False}))
     plain = render(replace(scene, transfer_function=unshaded()), Quality(classification="pre"))
     from_file = render(replace(stored, volume=encoded), Quality(classification="pre"))
     assert np.array_equal(from_file.rgba.view(np.uint32), plain.rgba.view(np.uint32))

@@ -222,9 +222,9 @@ def stage_triangle():
 
 
 def test_an_encoded_volume_is_refused():
-    from rle_splat.pipeline.encode_scene import encode_scene
+    from rle_splat.pipeline.encode_scene import encode
 
     scene = scene_of("wide", False, 16)
-    stored = encode_scene(scene, Quality(classification="pre"))
+    stored = encode(scene, Quality(classification="pre"))
     with pytest.raises(RleSplatError, match="A tolerance needs the voxels"):
         render_within(replace(scene, volume=stored, headlight=False), 1.0)

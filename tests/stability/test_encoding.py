@@ -17,11 +17,11 @@ from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.classify.visible import row_offsets
 from rle_splat.comparison.decode import decode
 from rle_splat.encode.encode import encode
-from rle_splat.encode.store import load, save
+from rle_splat.encode.store import load_encoded, save_encoded
 from rle_splat.encode.stored import StoredVolume
 from rle_splat.encode.tables import pointers_from_counts, scanline_pointers_from_counts
 from rle_splat.pipeline import quick_estimate
-from rle_splat.pipeline.encode_scene import encode_scene
+from rle_splat.pipeline.encode_scene import encode as encode_scene
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.scan_source import classify_and_shade
 from rle_splat.read.formats import read_volume
@@ -182,7 +182,7 @@ def test_S3_the_worst_runs_are_in_the_estimate(record, make):
         peak = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
-    wanted = quick_estimate.estimate(scene.volume, FUNCTION, QUALITY, axes=3)
+    wanted = quick_estimate.estimate_memory(scene.volume, FUNCTION, QUALITY, axes=3)
     tables = sum(one.runs.nbytes for one in stored.axes.values())
     assert wanted.records == sum(one.voxel_data.nbytes for one in stored.axes.values())
     assert tables <= wanted.runs and wanted.needed <= 1.8 * peak
@@ -192,7 +192,7 @@ def test_S3_the_worst_runs_are_in_the_estimate(record, make):
 @pytest.mark.parametrize("make", (checkerboard, solid))
 def test_S3_the_worst_runs_are_refused_when_they_do_not_fit(record, make, monkeypatch):
     scene = close_up(make(64), 2, (32.0, 32.0, 32.0))
-    wanted = quick_estimate.estimate(scene.volume, FUNCTION, QUALITY).needed
+    wanted = quick_estimate.estimate_memory(scene.volume, FUNCTION, QUALITY).needed
     for module in ("pipeline.memory_estimate", "pipeline.stage_cache", "runtime.memory"):
         monkeypatch.setattr(f"rle_splat.{module}.available_bytes", lambda: wanted // 2)
     with pytest.raises(RleSplatError, match="are free") as problem:
@@ -459,8 +459,8 @@ def test_S7_scales_that_overflow_are_refused(record, tmp_path, record_bytes, sca
     decoding = e.decoding.copy()
     decoding[:] *= np.float32(scale)
     stored = StoredVolume.of({2: dataclasses.replace(e, decoding=decoding)}, np.eye(4))
-    save(tmp_path / "v.rle", stored)
+    save_encoded(tmp_path / "v.rle", stored)
     with pytest.raises(RleSplatError) as problem:
-        assert load(tmp_path / "v.rle").axes
+        assert load_encoded(tmp_path / "v.rle").axes
     record("S7", "files with scales beyond float32 without a clear error", not is_sentence(str(problem.value)), 0,
            "either", TABLES_ARE_WHOLE)  # fmt: skip

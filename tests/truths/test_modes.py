@@ -10,7 +10,7 @@ from benchmarks.phantoms import radius_from_center
 from rle_splat.accuracy.rays import camera_rays
 from rle_splat.accuracy.truths import truth
 from rle_splat.classify.transfer_function import Shade, TransferFunction
-from rle_splat.pipeline.encode_scene import encode_scene
+from rle_splat.pipeline.encode_scene import encode
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.jit import use_reference
@@ -306,7 +306,7 @@ def test_the_modes_look_at_no_gradients_and_no_light_and_post_is_taken_where_it_
 
 def test_modes_are_refused_where_there_are_no_values(stage):
     scene = stage.on_turntable(random_field(2, 8), transfer_function=WINDOW)
-    stored = replace(scene, volume=encode_scene(scene), mode="mip")
+    stored = replace(scene, volume=encode(scene), mode="mip")
     with pytest.raises(RleSplatError, match="the mode mip needs the volume itself"):
         render(stored, Quality(classification="pre"))
     with pytest.raises(RleSplatError, match="no mode called 'sum'"):

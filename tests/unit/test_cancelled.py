@@ -9,7 +9,8 @@ import pytest
 
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.encode.encode import encode
-from rle_splat.pipeline.encode_scene import encode_scene, encode_scene_steps
+from rle_splat.pipeline.encode_scene import encode as encode_scene
+from rle_splat.pipeline.encode_scene import encode_steps
 from rle_splat.pipeline.render import render, render_steps
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.scene import Camera, Quality, Scene
@@ -87,10 +88,10 @@ def test_what_follows_a_cancelled_encoding_is_as_if_it_had_never_been(monkeypatc
     for record in (16, 8):
         quality = replace(QUALITY, record=record)
         whole = encode_scene(scene, quality).axes
-        steps = len(list(encode_scene_steps(scene, quality)))
+        steps = len(list(encode_steps(scene, quality)))
         assert steps > 15
         for stop in range(1, steps + 1):
-            work = encode_scene_steps(scene, quality)
+            work = encode_steps(scene, quality)
             for _ in range(stop):
                 next(work)
             work.close()

@@ -12,7 +12,7 @@ import pytest
 
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.encode.earlier import UNLIT, lengthen
-from rle_splat.encode.store import load
+from rle_splat.encode.store import load_encoded
 from rle_splat.pipeline.render import render
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import Quality, RleSplatError, Scene
@@ -26,7 +26,7 @@ VIEWS = {0: (90.0, 10.0), 1: (5.0, 10.0), 2: (20.0, 80.0)}  # principal axis -> 
 
 
 def picture(name, axis, classification="pre"):
-    stored = load(DATA / name)
+    stored = load_encoded(DATA / name)
     camera, matrix = turntable(stored, *VIEWS[axis])
     function = None if classification == "pre" else TransferFunction.from_json(stored.transfer_function)
     scene = Scene(stored, function, camera, 24, 24, matrix, headlight=False)
@@ -108,7 +108,7 @@ def refused(path, **changes):
             if content is not None:
                 archive.writestr(name, content)
     with pytest.raises(RleSplatError) as problem:
-        load(path)
+        load_encoded(path)
     text = str(problem.value)
     assert text.endswith(".") and "\n" not in text and len(text) < 400
 
@@ -150,7 +150,7 @@ def test_a_damaged_folder_is_refused(tmp_path):
         for lie in (content[:-6], content + bytes(6), content[::-1], b""):
             (folder / name).write_bytes(lie)
             with pytest.raises(RleSplatError):
-                assert load(folder).axes
+                assert load_encoded(folder).axes
         (folder / name).unlink()
         with pytest.raises(RleSplatError, match=f"Cannot read .*{name}: "):
-            load(folder)
+            load_encoded(folder)

@@ -8,7 +8,7 @@ import pytest
 
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.pipeline import scan_source
-from rle_splat.pipeline.encode_scene import encode_scene
+from rle_splat.pipeline.encode_scene import encode
 from rle_splat.pipeline.render import render, render_steps
 from rle_splat.pipeline.stage_cache import MOST_RESULTS, StageCache
 from rle_splat.scene import Camera, Light, Quality, Scene
@@ -290,10 +290,10 @@ def test_three_axes_are_shaded_once(record, monkeypatch):
 
     monkeypatch.setattr(scan_source, "light_records", light)
     lit, quality = scene(lights=(SUN,), headlight=True), replace(PRE, record=record)
-    together = encode_scene(lit, quality).axes
+    together = encode(lit, quality).axes
     assert list(together) == [0, 1, 2] and len(shaded) == 1
     for axis, tables in together.items():
-        alone = encode_scene(lit, quality, axes=(axis,)).axes[axis]
+        alone = encode(lit, quality, axes=(axis,)).axes[axis]
         np.testing.assert_array_equal(tables.voxel_data, alone.voxel_data)
         np.testing.assert_array_equal(tables.runs, alone.runs)
         assert tables.most_color == alone.most_color

@@ -15,7 +15,7 @@ from rle_splat.effects.mesh_depth import SAMPLES
 from rle_splat.encode.encode import encode
 from rle_splat.pipeline import memory_estimate as estimate
 from rle_splat.pipeline import quick_estimate
-from rle_splat.pipeline.encode_scene import encode_scene
+from rle_splat.pipeline.encode_scene import encode as encode_scene
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.read import streaming
@@ -126,7 +126,7 @@ def test_the_parts_of_an_estimate_are_what_the_stages_hold(classification, dtype
 @pytest.mark.parametrize("dtype", (np.uint8, np.int16, np.float32))
 def test_the_quick_estimate_is_near_what_the_stages_hold(dtype):
     volume = noise(dtype=dtype)
-    quick = quick_estimate.estimate(volume, FUNCTION, QUALITY)
+    quick = quick_estimate.estimate_memory(volume, FUNCTION, QUALITY)
     held = held_by_stages(scene_of(volume), QUALITY)[0]
     shown = int((volume.voxels > 80).sum())
     assert quick.visible_voxels == (pytest.approx(shown, rel=0.01) if dtype == np.float32 else shown)
@@ -143,7 +143,7 @@ def test_the_estimate_of_a_histogram_is_near_the_others(dtype):
     values, counts = np.unique(volume.voxels, return_counts=True)
     found = quick_estimate.count_in_histogram(volume.shape_xyz, volume.voxels.dtype.name, values, counts, FUNCTION)
     rough = quick_estimate.estimate_visible(found, QUALITY, picture=1000)
-    quick = quick_estimate.estimate(volume, FUNCTION, QUALITY)
+    quick = quick_estimate.estimate_memory(volume, FUNCTION, QUALITY)
     assert rough.visible_voxels == (volume.voxels > 80).sum() and rough.volume == volume.voxels.nbytes
     assert rough.needed == pytest.approx(quick.needed, rel=0.05) and rough.picture == 1000
 
@@ -303,7 +303,7 @@ def test_the_estimate_of_three_axes_covers_what_they_take(record):
     encode_scene(scene, quality)
     stored, peak = traced(lambda: encode_scene(scene, quality))
     assert len(stored.axes) == 3
-    needed = quick_estimate.estimate(scene.volume, FUNCTION, quality, axes=3).needed
+    needed = quick_estimate.estimate_memory(scene.volume, FUNCTION, quality, axes=3).needed
     assert 0.9 * peak <= needed <= 1.8 * peak
 
 

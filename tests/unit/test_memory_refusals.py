@@ -11,7 +11,7 @@ from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.comparison.decode import decode
 from rle_splat.pipeline import memory_estimate as estimate
 from rle_splat.pipeline import quick_estimate
-from rle_splat.pipeline.encode_scene import encode_scene
+from rle_splat.pipeline.encode_scene import encode
 from rle_splat.pipeline.memory_estimate import PlannedTables
 from rle_splat.pipeline.render import render, render_steps
 from rle_splat.pipeline.stage_cache import StageCache
@@ -56,10 +56,10 @@ def test_it_is_said_before_the_lists_are_made_and_while_they_are():
 def test_too_little_memory_is_refused_with_what_to_do(share, axes, monkeypatch):
     scene = scene_of(noise())
     short_of_memory(monkeypatch, 0)
-    needed = quick_estimate.estimate(scene.volume, FUNCTION, QUALITY, axes=axes).needed
+    needed = quick_estimate.estimate_memory(scene.volume, FUNCTION, QUALITY, axes=axes).needed
     short_of_memory(monkeypatch, int(share * needed / estimate.SPARE))
     one_by_one = "encode one principal axis at a time, " if axes == 3 else ""
-    work = (lambda: encode_scene(scene, QUALITY)) if axes == 3 else (lambda: encode_scene(scene, QUALITY, (1,)))
+    work = (lambda: encode(scene, QUALITY)) if axes == 3 else (lambda: encode(scene, QUALITY, (1,)))
 
     def refused():
         with pytest.raises(RleSplatError, match="are free") as problem:
@@ -146,7 +146,7 @@ def test_solid_noise_keeps_working():
     values = np.random.default_rng(1).integers(0, 256, (20, 22, 24)).astype(np.uint8)
     function = TransferFunction(opacity=((0, 1.0),), color=((0, 0, 0, 1), (255, 1, 1, 0)), shade=None)
     scene = scene_of(Volume(values, np.eye(4)), function=function)
-    stored = encode_scene(scene, QUALITY)
+    stored = encode(scene, QUALITY)
     grids = [to_volume_order(decode(stored.axes[axis]), axis) for axis in range(3)]
     assert (grids[0][..., 3] > 16.0).all()
     np.testing.assert_array_equal(grids[0], grids[1])

@@ -12,9 +12,9 @@ from rle_splat.comparison.decode import decode
 from rle_splat.encode.encode import encode
 from rle_splat.encode.packing import pack
 from rle_splat.encode.records import decoding_of, empty_records, unpack
-from rle_splat.encode.store import load, save
+from rle_splat.encode.store import load_encoded, save_encoded
 from rle_splat.encode.stored import StoredVolume
-from rle_splat.pipeline.encode_scene import encode_scene
+from rle_splat.pipeline.encode_scene import encode as encode_scene
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.scan_source import classify_and_shade
 from rle_splat.runtime.steps import Clock
@@ -200,8 +200,8 @@ def test_short_records_come_back_from_a_file(tmp_path):
     classified, colors = classify_and_shade(lit_scene(20), QUALITY, Clock())
     axes = {axis: encode(classified, colors, axis, record=SHORT) for axis in (0, 2)}
     path = tmp_path / "v.rle"
-    save(path, StoredVolume.of(axes, np.eye(4)))
-    back = load(path)
+    save_encoded(path, StoredVolume.of(axes, np.eye(4)))
+    back = load_encoded(path)
     assert back.record == SHORT
     for axis, encoded in axes.items():
         np.testing.assert_array_equal(back.axes[axis].voxel_data, encoded.voxel_data)
@@ -212,7 +212,7 @@ def test_short_records_come_back_from_a_file(tmp_path):
         with pytest.raises(RleSplatError, match="damaged"):
             validate(replace(axes[2], decoding=wrong))
     with pytest.raises(RleSplatError, match="record"):
-        save(path, StoredVolume.of({**axes, 1: encode(classified, colors, 1)}, np.eye(4)))
+        save_encoded(path, StoredVolume.of({**axes, 1: encode(classified, colors, 1)}, np.eye(4)))
 
 
 def test_other_sizes_are_refused():
