@@ -6,6 +6,7 @@ Every step is an operator or a setting that a user has, too.
 
 from __future__ import annotations
 
+import bmesh
 import bpy
 import gallery_data
 from demo_scene import box_of, named, rod
@@ -68,7 +69,7 @@ def cortex(stage: Stage):
 # Of the PET, lengths in mm.
 SUV = 6.0  # which is black
 ASIDE, NEAR = 465.0, Vector((890.0, 0.0, 81.0))  # from the body to its duplicates: from the right side, and the neck
-LARGER, NECK, HALF = 4.1, Vector((-15.0, 0.0, 364.0)), Vector((55.0, 140.0, 80.0))  # the part of the body that is neck
+LARGER, NECK, HALF = 4.1, Vector((-15.0, -27.0, 364.0)), Vector((55.0, 10.0, 80.0))  # a slab of the neck
 # Segments of the file with name, color, where the name stands from the middle of the neck, and where its line ends.
 TUMORS = (
     (1, "Primary tumor", (1.0, 0.2, 0.0), (125.0, 366.0), (22.0, 140.0)),
@@ -85,8 +86,30 @@ def _surface(stage: Stage, label: int, coat):
     made = bpy.context.view_layer.objects.active
     made.data.materials.clear()
     made.data.materials.append(coat)
-    made.modifiers.new("Cage", "WIREFRAME").thickness = 0.4 * MM  # the uptake within is seen
+    made.modifiers.new("Cage", "WIREFRAME").thickness = 1.0 * MM  # the uptake within is seen
     return made
+
+
+def _contour(surface, change: Matrix, coat):
+    """The outline of a surface in the coronal plane through its middle, placed anew (Mesh > Bisect, then Convert)."""
+    solid = bmesh.new()
+    solid.from_mesh(surface.data)
+    bmesh.ops.transform(solid, matrix=surface.matrix_world, verts=solid.verts)
+    parts = (*solid.verts, *solid.edges, *solid.faces)
+    depths = [corner.co.y for corner in solid.verts]
+    middle = Vector((0.0, 0.5 * (min(depths) + max(depths)), 0.0))
+    bmesh.ops.bisect_plane(
+        solid, geom=parts, plane_co=middle, plane_no=(0.0, 1.0, 0.0), clear_inner=True, clear_outer=True
+    )
+    outline = bpy.data.meshes.new("Contour")
+    solid.to_mesh(outline)
+    made = bpy.data.objects.new("Contour", outline)
+    bpy.context.scene.collection.objects.link(made)
+    made.matrix_world = change
+    with bpy.context.temp_override(active_object=made, selected_editable_objects=[made], selected_objects=[made]):
+        bpy.ops.object.convert(target="CURVE")
+    made.data.bevel_depth = 0.25 * MM
+    made.data.materials.append(coat)
 
 
 def _duplicate(objects, change: Matrix) -> list:
@@ -135,13 +158,11 @@ def pet(stage: Stage):
     ours.display, ours.use_inverted_grays = "mip", True
     ours.window_center, ours.window_width = 0.5 * SUV, SUV
     aside = Matrix.Translation(at + MM * Vector((ASIDE, 0.0, 0.0)))
-    _, *others = _duplicate(
-        (stage.volume, *tumors), aside @ Matrix.Rotation(1.5707963, 4, "Z") @ Matrix.Translation(-at)
-    )
+    _duplicate((stage.volume, *tumors), aside @ Matrix.Rotation(1.5707963, 4, "Z") @ Matrix.Translation(-at))
     enlarged = Matrix.Translation(at + MM * NEAR) @ Matrix.Scale(LARGER, 4) @ Matrix.Translation(-at - MM * NECK)
-    neck, *_ = _duplicate((stage.volume, *tumors), enlarged)
-    for one in (*tumors, *others):
-        one.modifiers["Cage"].thickness = 1.0 * MM  # seen at this size
+    (neck,) = _duplicate((stage.volume,), enlarged)
+    for tumor, coat in zip(tumors, coats):
+        _contour(tumor, Matrix.Translation((0.0, -0.4, 0.0)) @ enlarged, coat)  # in front of the slab
     bpy.context.view_layer.objects.active = neck
     bpy.ops.rle_splat.add_clip(kind="BOX", keep="INSIDE")
     box = bpy.context.view_layer.objects.active
@@ -169,6 +190,7 @@ def pet(stage: Stage):
         rod("Neck", begin, end, 1.2 * MM, black)
     scale_bar("100 mm", to(-240, -435), 100 * MM, 28 * MM, black)
     scale_bar("30 mm", to(NEAR.x - width + 62, NEAR.z - height - 60), LARGER * 30 * MM, 28 * MM, black)
+    letters("Slab of 20 mm", to(NEAR.x + width - 90, NEAR.z - height - 40), 28 * MM, black)
     _color_bar(to(NEAR.x, -405), 420 * MM, 30 * MM, 28 * MM, black)
     for (_, name, _, (x, y), (end_x, end_y)), coat in zip(TUMORS, coats):
         x, y, end_x, end_y = x + NEAR.x, y + NEAR.z, end_x + NEAR.x, end_y + NEAR.z
