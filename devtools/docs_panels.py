@@ -161,7 +161,7 @@ def _follow_class(path: Path, node: ast.ClassDef, found: list, menu: str) -> Non
 
 def _follow(path: Path, function: ast.FunctionDef, local: dict, found: list, menu: str) -> None:
     """Follow the calls of a function in their order; ``local`` has what its names can be, as nodes."""
-    local, headings = dict(local), {}  # headings: text of a row or column that stands before what is drawn in it
+    local, headings, titled = dict(local), {}, {}  # headings: text of a row or column before what is drawn in it
     for node in _ordered(function):
         if isinstance(node, (ast.For, ast.comprehension)):
             items = _items(path, node.iter, local)
@@ -171,6 +171,9 @@ def _follow(path: Path, function: ast.FunctionDef, local: dict, found: list, men
                 local[ast.unparse(target)] = [row[index] for row in columns if index < len(row)]
         elif isinstance(node, ast.Assign):
             pairs = [(node.targets[0], node.value)]
+            if isinstance(node.value, ast.Call) and getattr(node.value.func, "attr", "") == "panel":
+                header, body = node.targets[0].elts
+                titled[body.id] = header.id  # a panel within the panel, and what draws its title
             if isinstance(node.targets[0], ast.Tuple) and isinstance(node.value, ast.Tuple):
                 pairs = list(zip(node.targets[0].elts, node.value.elts))
             for target, value in pairs:
@@ -183,8 +186,9 @@ def _follow(path: Path, function: ast.FunctionDef, local: dict, found: list, men
         elif isinstance(node, ast.Call):
             if isinstance(node.func, ast.Attribute) and node.func.attr == "label" and _root(node) != "layout":
                 headings[_root(node)] = next(iter(_texts(path, _keyword(node, "text"), local)), "")
-            begin = len(found)
-            _read_call(path, node, local, found, menu)
+            begin, names = len(found), (_root(node), *(getattr(one, "id", "") for one in node.args))
+            inner = next((headings.get(titled[name]) for name in names if name in titled), "")
+            _read_call(path, node, local, found, inner or menu)
             if heading := headings.get(_root(node)):
                 found[begin:] = [(*one[:2], _headed(heading, one[2]), one[3]) for one in found[begin:]]
 

@@ -54,8 +54,8 @@ class RLE_SPLAT_OT_add_channels(LoadsFirst, bpy.types.Operator):
 
 
 class RLE_SPLAT_OT_import_channel(ImportsVolumes, bpy.types.Operator, ImportHelper):
-    """Overlay another file, such as a PET or a dose on a CT, or the other channels of this volume's file, each with
-    its own transfer function"""
+    """Show another file together with this volume, such as a PET or a dose on a CT. Add Channels of the File shows the
+    other channels of this volume's own file"""
 
     bl_idname = "rle_splat.import_channel"
     bl_label = "Add File"

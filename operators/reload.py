@@ -14,7 +14,7 @@ from .refusal import has_editable_volume
 
 
 class RLE_SPLAT_OT_reload(ReadsFiles, source_options.SourceOptions, bpy.types.Operator):
-    """Read the volume's file again. Changed options replace those of the import"""
+    """Read the volume's file again. Edit… asks for other options first, which replace those of the import"""
 
     bl_idname = "rle_splat.reload"
     bl_label = "Reload Volume"

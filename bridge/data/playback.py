@@ -15,9 +15,9 @@ from .overridable import IntProperty, LiveEnum, LiveFloat, LiveInt
 
 FIXED, HOLD, LOOP = "FIXED", "HOLD", "LOOP"
 PLAYBACK_ITEMS = [
-    (FIXED, "Fixed", "Show the volume that Time Point names, which can be keyframed"),
-    (HOLD, "Hold", "Follow the timeline. Hold the first volume before the series and the last one after it"),
-    (LOOP, "Loop", "Follow the timeline, and begin again after the last volume"),
+    (FIXED, "Fixed", "Show the time point set in Time Point, which can be keyframed"),
+    (HOLD, "Hold", "Follow the timeline; before the series, show the first time point, and after it, the last"),
+    (LOOP, "Loop", "Follow the timeline, and begin again after the last time point"),
 ]
 PREFIX = "rle_splat."  # of the paths of a volume object's properties
 NEAR = 1e-6  # of a frame; 3 frames at a step of 1/3 are one volume, not a little less
@@ -33,12 +33,12 @@ class Playback:
         name="Frame of the Hash", description="Frame whose voxels have the data hash", default=1, min=1,
         options={"HIDDEN"})  # fmt: skip
     playback: LiveEnum(name="Playback", description="Which time point of the series is shown", items=PLAYBACK_ITEMS)
-    frame: LiveInt(name="Time Point", description="Volume to show, from 1; 0 is the first", default=0, min=0)
+    frame: LiveInt(name="Time Point", description="Time point to show, from 1; 0 is the first", default=0, min=0)
     frame_offset: LiveInt(
         name="Offset", description=("Number added to the frame of the timeline. With 0 and a step"
-            " of 1, frame 1 shows the first volume"), default=0)  # fmt: skip
+            " of 1, frame 1 shows the first time point"), default=0)  # fmt: skip
     frame_step: LiveFloat(
-        name="Step", description="Volumes per frame of the timeline. 0.5 shows each twice; a negative step plays "
+        name="Step", description="Time points per frame of the timeline. 0.5 shows each twice; a negative step plays "
         "backward", default=1.0, precision=3)  # fmt: skip
 
 

@@ -127,8 +127,8 @@ class SourceOptions:
         name="Series Hash", description="Hash of the identifier of the DICOM series, by which it is found again",
         options={"HIDDEN"})  # fmt: skip
     frame: IntProperty(
-        name="Time Point", description=("Number of the volume, from 1, if the file holds several, "
-            "such as one for each time; 0 uses the first"), default=0, min=0)  # fmt: skip
+        name="Time Point", description="Number of the time point, from 1, if the file holds several; 0 uses the "
+        "first", default=0, min=0)  # fmt: skip
     level: IntProperty(
         name="Resolution Level", description=("Level of an OME-Zarr pyramid: 0 is the finest, -1 the finest"
             " that fits into memory at the import"), default=-1, min=-1)  # fmt: skip

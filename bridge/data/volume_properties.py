@@ -259,8 +259,8 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         name="Opacity", description="Multiply the opacity of the whole volume", default=1.0, min=0.0, soft_max=2.0
     )
     opacity_unit_distance: LiveFloat(
-        name="Opacity Unit Distance", description="Thickness of material, in mm for patients, at which the opacity "
-        "curve holds. Smaller is more solid: about 0.05 mm makes thin bone opaque",
+        name="Opacity Unit Distance", description="Thickness of material, in mm for patients, that has the "
+        "opacity shown by the curve. Smaller is more solid: about 0.05 mm makes thin bone opaque",
         default=0.0, min=0.0, precision=4)  # fmt: skip
     use_smallest_spacing: BoolProperty(
         name="Automatic", description="Use the smallest voxel spacing",
