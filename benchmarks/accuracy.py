@@ -192,7 +192,7 @@ def tolerance_table(views: dict) -> str:
             floor = min(e["error"]["largest"] for e in mine)
             cells.append(f"{best['frame_ms']:.0f} ms, {best['name']}" if best else f"not reached; {figure_text(floor)}")
         rows.append([f"{tolerance:g}", *cells])
-    return markdown([f"levels at most, against {truth}", *views], rows)
+    return markdown([f"8-bit steps at most, against {truth}", *views], rows)
 
 
 def _main_truth(views: dict) -> str:
@@ -249,7 +249,7 @@ def _factor(ratio: float) -> str:
 
 def losses_table(measured: dict, names: dict) -> str:
     """Errors of each classification against T2, the other knobs as in standard, and of the paper's pipeline."""
-    ways = {f"`{value}`": f"classification: {value}" for value, _ in KNOBS["classification"]}
+    ways = {f"`{value}`, usual plan": f"classification: {value}" for value, _ in KNOBS["classification"]}
     rows = []
     for way, variant in {"the paper to the letter": "paper", **ways}.items():
         cells = []
@@ -298,7 +298,7 @@ def knobs_plot(measured: dict, names: dict, path: Path) -> None:
         for axes in (above, below):
             axes.set_yscale("log")
             axes.grid(True, which="major", alpha=0.35)
-    for axes, text in zip(grid[:, 0], (f"{ERRORS['rmse']}, levels", "milliseconds a frame")):
+    for axes, text in zip(grid[:, 0], (f"{ERRORS['rmse']}, 8-bit steps", "milliseconds a frame")):
         axes.set_ylabel(text)
         plain_numbers(axes.yaxis)
     figure.legend(*grid[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=len(measured), fontsize=9)

@@ -107,7 +107,7 @@ def draw_plans(axes, plans, key: str, fronts: dict, named=None, legend: bool = T
     for entry in plans:
         if entry["chosen"]:
             axes.plot([], [], "o", ms=12, mfc="none", mec="black", mew=1.4, ls="none", label=f"quality {entry['name']}")
-    axes.set(xscale="log", yscale="log", xlabel="milliseconds per frame", ylabel=f"{ERRORS[key]}, levels")
+    axes.set(xscale="log", yscale="log", xlabel="milliseconds per frame", ylabel=f"{ERRORS[key]}, 8-bit steps")
     for axis in (axes.xaxis, axes.yaxis):
         plain_numbers(axis, *(() if named is None else (FEW,)))
     axes.margins(x=0.14, y=0.14)
@@ -216,7 +216,7 @@ def draw_crops(figure, sweep, names) -> None:
         shades = below.imshow(seen, norm=norm, cmap="magma", interpolation="nearest")
         rmse = entry["error"]["crop"]["rmse"]
         below.set_xlabel(f"RMSE {figure_text(rmse)}\nmax {figure_text(errors[name].max())}", fontsize=9)
-    bar = figure.colorbar(shades, cax=axes[1, 0].inset_axes((0.75, 0.0, 0.12, 1.0)), label="error, levels")
+    bar = figure.colorbar(shades, cax=axes[1, 0].inset_axes((0.75, 0.0, 0.12, 1.0)), label="error, 8-bit steps")
     bar.ax.yaxis.set_ticks_position("left")
     bar.ax.yaxis.set_label_position("left")
     plain_numbers(bar.ax.yaxis)

@@ -33,8 +33,9 @@ PYTHON = 480  # pixels: a side of the pictures of the page on Python
 TILE, WORKERS = 90, ("#4477aa", "#ee6677", "#228833", "#ccbb44")  # pixels; a color for each
 MOST_BYTES, BLACK, GRAY = 80_000, (0.0, 0.0, 0.0), "#303030"
 TURN, MILLISECONDS = 60, 66  # frames of the turntable, and how long each is shown
-FIRST = ("--preset", "ct-bone", "--smoothness", "2", "--fit", "0.9", "--quality", "fine")
+FIRST = "--ambient-occlusion", "1", "--world", "0.3", "0.3", "0.33", "--fit", "0.9", "--quality", "fine"
 CLOSE = ("--azimuth", "30", "--elevation", "20", "--fit", "0.42", "--size", "400")
+OPENING, FRONT, BACK, DARK = 40, -105.0, 5.0, (0.03, 0.03, 0.035)  # frames; mm from the middle; a color
 STEPS = (  # of the strip, after the slices: pictures of the documentation, and the part of each
     ("tutorial-3-preset", (230, 310, 790, 730)), ("tutorial-4-cut", (60, 162, 920, 807)),
     ("gallery-skull", (0, 0, 1600, 1200)),
@@ -98,8 +99,8 @@ def command_lines(folder: Path) -> list[list[str]]:
          "--quality", "fine", "-o", str(folder / "turn.png")],
         *(["render", *skull, *CLOSE, "--quality", quality, "-o", str(folder / f"how-to-{quality}.png")]
           for quality in ("draft", "fine")),
-        *(["render", skull[0], *FIRST, *turned, "--size", "512", "-o", str(folder / f"{name}.png")]
-          for name, turned in (("out", ()), ("side", ("--azimuth", "30", "--elevation", "20")))),
+        *(["render", str(turned), *FIRST, *view, "--size", "512", "-o", str(folder / f"{name}.png")]
+          for name, view in (("out", ()), ("side", ("--azimuth", "35", "--elevation", "20")))),
         ["render", *skull, *OBLIQUE, "--size", str(SMALL), "-o", str(folder / "whole.png")],
         ["render", *skull, *OBLIQUE, "--size", str(SMALL), "--level", "2", "-o", str(folder / "coarse.png")],
         ["render", *skull, *OBLIQUE, "--size", str(POSTER), "--crop", *map(str, EYE), *(str(at + SMALL) for at in EYE),
@@ -155,6 +156,31 @@ def picture_and_depth(folder: Path) -> None:
     beside(folder, "how-to-python", shown, depth, opened)
 
 
+def opening(folder: Path) -> None:
+    """how-to-opening.webp: a plane cuts the skull open while the camera turns, there and back."""
+    import rle_splat as rs
+
+    file = folder / "boxes.json"
+    if not file.is_file():
+        return
+    volume, cache, frames = rs.read_volume(data_folder() / SKULL), rs.StageCache(), []
+    clips, function = rs.Clip.list_from_json(file), rs.TransferFunction.from_json(folder / "bone.json")
+    for number in range(OPENING):
+        done = 0.5 - 0.5 * math.cos(math.pi * number / (OPENING - 1))
+        camera, matrix = rs.turntable(volume, azimuth=35.0 - 25.0 * done, elevation=15.0 + 10.0 * done, fit=0.95)
+        place = rs.turntable_aim(volume, matrix) + (0.0, FRONT + done * (BACK - FRONT), 0.0)
+        cut = rs.Clip(kind="plane", matrix_world=rs.look_at(place + (0.0, -1.0, 0.0), place))
+        scene = rs.Scene(
+            volume, function, camera, width=PYTHON, height=PYTHON, volume_matrix=matrix, clips=(*clips, cut),
+            world=(0.3, 0.3, 0.33), ambient_occlusion=1.0,
+        )  # fmt: skip
+        made = rs.render(scene, rs.Quality.preset("fine"), cache=cache)
+        frames.append(Image.fromarray(to_bytes(made.rgba, DARK)).convert("RGB"))
+    frames += frames[-1:] * 8 + frames[::-1] + frames[:1] * 4  # it rests at both ends
+    frames[0].save(folder / "how-to-opening.webp", save_all=True, append_images=frames[1:], duration=MILLISECONDS,
+                   loop=0, quality=70, method=6)  # fmt: skip
+
+
 def example_of_the_readme(folder: Path) -> None:
     """readme-python.jpg: what the Python code of the README makes of a brain."""
     scan = data_folder() / BRAIN
@@ -187,6 +213,7 @@ def from_parts(folder: Path) -> None:
         draw.rectangle((x + 1, y + 1, x + TILE - 2, y + TILE - 2), outline=color, width=3)
     beside(folder, "how-to-tiles", tiled, whole)
     picture_and_depth(folder)
+    opening(folder)
     example_of_the_readme(folder)
     strip(folder)
 

@@ -54,7 +54,7 @@ def _bone(stage: Stage) -> None:
 
 def _soft(stage: Stage) -> None:
     stage.area("Key", 60.0, (-1.4, -1.4, 1.3), WARM, use_shadow=True)
-    stage.area("Fill", 15.0, (1.7, -1.2, 0.5), COLD, use_shadow=True)
+    stage.area("Fill", 28.0, (1.7, -1.2, 0.5), COOL, use_shadow=True)
 
 
 def _studio(stage: Stage) -> None:
@@ -63,7 +63,7 @@ def _studio(stage: Stage) -> None:
 
 def _skin(stage: Stage) -> None:
     stage.lamp("Behind", "SPOT", 320.0, (1.5, 1.0, 0.3), GLOW, spot_size=0.9, shadow_soft_size=0.2)
-    stage.lamp("Front", "SPOT", 95.0, (-1.2, -1.5, 0.7), COOL, spot_size=0.9, shadow_soft_size=0.3)
+    stage.lamp("Front", "SPOT", 170.0, (-1.2, -1.5, 0.7), COOL, spot_size=0.9, shadow_soft_size=0.3)
 
 
 def _smoke(stage: Stage) -> None:
@@ -72,8 +72,8 @@ def _smoke(stage: Stage) -> None:
 
 
 def _specimen(stage: Stage) -> None:
-    stage.lamp("Key", "SUN", 5.0, (-1.6, 0.2, 0.5), GLOW, angle=0.05)
-    stage.area("Rim", 170.0, (1.5, 1.2, 0.4), COLD, use_shadow=True)
+    stage.lamp("Key", "SUN", 3.6, (-1.6, -0.3, 0.7), GLOW, angle=0.05)
+    stage.area("Rim", 110.0, (1.5, 1.2, 0.4), COLD, use_shadow=True)
 
 
 SOFTBOXES = (((-1.1, -0.85, 1.2), 16.0, (26.0, 24.0, 22.0)), ((1.2, 0.9, 0.5), 16.0, (20.0, 27.0, 36.0)))

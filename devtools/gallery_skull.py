@@ -154,7 +154,7 @@ def skull(stage: Stage):
     bpy.ops.rle_splat.change_segment(tool="GROW", length=2.0)  # so that thin walls are whole
     for row in ours.labels:
         row.show = row.label_name == "Body"
-    titanium = material("Titanium", (0.5, 0.52, 0.56), roughness=0.42, metallic=1.0)
+    titanium = material("Titanium", (0.32, 0.34, 0.38), roughness=0.42, metallic=1.0)
     bpy.ops.rle_splat.extract_surface(of="VALUE", value=SOLID)
     bone = bpy.context.view_layer.objects.active
     place, normal = _plate(stage, bone, titanium)
@@ -181,14 +181,14 @@ def skull(stage: Stage):
     toward = (0.8, -1.95, 0.85)
     stage.camera(toward, lens=66.0, aim=(0.03, -0.08, -0.085))
     stage.sweep(toward, stage.foot - 5.0 * MM / stage.size, (0.06, 0.066, 0.078))
-    # From the side: the shadow of each bar falls into the hole beside it.
-    stage.lamp("Key", "SUN", 4.0, (1.6, -0.35, 0.95), WARM, angle=math.radians(5.0))
-    stage.area("Rim", 60.0, (-1.6, 1.4, 1.2), COLD)
+    stage.lamp("Key", "SUN", 3.0, (-0.9, -1.0, 1.5), WARM, angle=math.radians(5.0))
+    stage.area("Rim", 45.0, (1.7, 1.1, 0.9), COLD, use_shadow=True)
+    stage.area("Fill", 18.0, (0.9, -1.7, 1.5), WARM)  # for relief in the shade
     softbox_world(
         ((0.02, 0.02, 0.022), (0.05, 0.055, 0.065), (0.25, 0.27, 0.3)),
-        (((1.6, -1.3, 1.1), 22.0, (3.0, 2.8, 2.6)), ((-1.6, -0.9, 0.6), 18.0, (3.0, 3.4, 4.0))),
-        0.15,
+        (((1.6, -1.3, 0.8), 22.0, (3.0, 2.8, 2.6)), ((-1.6, -0.9, 0.6), 18.0, (1.2, 1.3, 1.5))),
+        0.2,
     )
-    stage.settings.ambient_occlusion, stage.settings.quality = 0.9, "strict"
+    stage.settings.ambient_occlusion, stage.settings.quality = 0.8, "strict"
     view_transform("Standard")
     yield RENDER

@@ -59,7 +59,7 @@ class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
         name="Length", description="Length of the scale bar in millimeters; 0 chooses a round one", min=0.0
     )
     scale_depth: EnumProperty(
-        name="Measured At", description="Depth at which the scale bar holds in perspective; written beside the bar",
+        name="Measured At", description="Depth at which the scale bar is true in perspective; written beside the bar",
         items=[("NONE", "Nowhere", "No scale bar in perspective"),
                ("CENTER", "Middle of the Volume", "At the distance of the volume's middle")])  # fmt: skip
     color_bar: BoolProperty(name="Color Bar", description="Show colors and opacity over the values", default=True)

@@ -14,7 +14,7 @@ SHARE = 0.3  # of a picture's width that a scale bar of a round length fills at 
 ROUND = (5.0, 2.0, 1.0)
 UM, M = 1.0, 1000.0  # mm from which lengths are written in mm, and in m
 NO_SCALE = (
-    "A perspective view has one scale at one depth only; give the depth at which the scale bar holds (or 'center'), "
+    "A perspective view has one scale at one depth only; give the depth at which the scale bar is true (or 'center'), "
     "use an orthographic view, or turn the scale bar off."
 )
 
@@ -41,7 +41,7 @@ def world_units_per_length(scene: Scene) -> float:
     scales = np.linalg.svd(scene.volume_matrix[:3, :3], compute_uv=False)
     if scales[0] - scales[-1] > EVEN * scales[0]:
         raise RleSplatError(
-            "The volume's object is stretched more along one axis than along another, so no scale bar holds; give it "
+            "The volume's object is stretched more along one axis than along another, so no scale bar is true; give it "
             "the same scale on all axes, or turn the scale bar off."
         )
     return float(scales.mean()) * scene.scene_scale

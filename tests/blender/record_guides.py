@@ -17,7 +17,7 @@ from pathlib import Path
 
 import bpy
 import numpy as np
-from mathutils import Matrix, Vector
+from mathutils import Euler, Matrix, Vector
 
 from tests.blender.guide_steps import AORTA, DATA, SCANS, activate, bare, begin, beside, keep, lamp, look_from
 from tests.blender.real_blender import MODULE
@@ -94,6 +94,24 @@ def window_tool():
     yield from settled()
     yield from keep("how-to-window")
     passed("window")
+
+
+def lights():
+    """A brain under a key, a fill and a rim light, as the page of recipes has them, and the panel Lighting."""
+    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_shading")
+    volume = yield from imported("mr-brain", BRAIN)
+    scene, warm, cold = bpy.context.scene, (1.0, 0.93, 0.84), (0.62, 0.78, 1.0)
+    lamp("AREA", "Key", 2.4, (-0.28, -0.26, 0.26), size=0.2, color=warm)
+    lamp("AREA", "Fill", 0.24, (0.36, -0.24, 0.06), size=0.4, color=cold, use_shadow=False)
+    lamp("AREA", "Rim", 10.4, (0.18, 0.4, 0.18), size=0.2, color=cold)
+    volume.rle_splat.lighting, scene.rle_splat.ambient_occlusion, scene.rle_splat.quality = "SCENE", 0.7, "fine"
+    scene.view_settings.view_transform = "Standard"
+    bare()
+    activate(volume)
+    look_from(78.0, 28.0, 0.9)
+    yield from settled()
+    yield from keep("how-to-lighting")
+    passed("lights")
 
 
 def presets():
@@ -326,9 +344,13 @@ def pinned():
     scene.camera, camera.matrix_world = camera, region.view_matrix.inverted()
     bare()
     scene.render.resolution_x, scene.render.resolution_y = 800, 600
+    bpy.ops.mesh.primitive_torus_add(
+        location=(0.0, 0.0, 0.03), major_radius=0.125, minor_radius=0.004, major_segments=96
+    )
+    bpy.context.view_layer.objects.active.select_set(False)
     activate(volume)
     with in_the_view():
-        assert bpy.ops.rle_splat.set_backdrop(place="BACK") == {"FINISHED"}
+        assert bpy.ops.rle_splat.set_backdrop(place="FRONT") == {"FINISHED"}
     region.view_perspective = "CAMERA"
     bpy.context.preferences.addons[MODULE].preferences.show_live = False  # the picture alone
     yield
@@ -338,6 +360,23 @@ def pinned():
     yield from keep("how-to-backdrop")
     bpy.context.preferences.addons[MODULE].preferences.show_live = True
     passed("backdrop")
+
+
+def nodes():
+    """The compositor, as Show in Renders leaves it."""
+    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_picture")
+    yield from imported("mr-brain", BRAIN)
+    with in_the_view():
+        assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+    editor = area_of("VIEW_3D")
+    editor.ui_type = "CompositorNodeTree"
+    yield from wait_for_rest()
+    with bpy.context.temp_override(area=editor, region=next(one for one in editor.regions if one.type == "WINDOW")):
+        bpy.ops.node.view_all()
+    yield from wait_for_rest()
+    yield from keep("how-to-nodes")
+    editor.ui_type = "VIEW_3D"
+    passed("nodes")
 
 
 def raw_file():
@@ -428,8 +467,10 @@ def first_picture():
     scan = shutil.copy(DATA / BRAIN, Path(tempfile.mkdtemp()) / "FLAIR.nrrd")
     with in_the_view():
         assert bpy.ops.rle_splat.import_volume(filepath=str(scan)) == {"FINISHED"}
+    scene.rle_splat.ambient_occlusion, view = 1.0, area_of("VIEW_3D").spaces.active.region_3d
+    view.view_rotation, view.view_distance = Euler((1.2, 0.0, 0.6)).to_quaternion(), 0.7 * view.view_distance
     yield from settled()
-    scene.camera, camera.matrix_world = camera, area_of("VIEW_3D").spaces.active.region_3d.view_matrix.inverted()
+    scene.camera, camera.matrix_world = camera, view.view_matrix.inverted()
     with in_the_view():
         assert bpy.ops.rle_splat.composite() == {"FINISHED"}
     scene.view_settings.view_transform, render = "Standard", scene.render
@@ -447,7 +488,7 @@ def scenario():
 
 
 PARTS = (
-    layout, curve, window_tool, set_up_slices, presets, kept, smoothness, table, cut, surface, raw_file, live, pinned,
-    in_time, reported, first_picture,
+    layout, curve, lights, nodes, window_tool, set_up_slices, presets, kept, smoothness, table, cut, surface, raw_file,
+    live, pinned, in_time, reported, first_picture,
 )  # fmt: skip
 drive(scenario)

@@ -39,7 +39,7 @@ SHIFT, GROW, OPAQUE = -100.0, 2.0, 0.05  # HU, mm, mm: thin walls are whole and 
 DULL = 0.0, 0.75  # specular and diffuse: a cut that faces the headlight is not burnt white
 LEVEL, WINDOW = 650.0, 500.0  # HU, of the slice
 DARK = (0.012, 0.016, 0.024)  # of the world, from the render on
-SUN = (60.0, 0.0, -40.0)  # its rotation
+SUN = (75.0, 0.0, -20.0)  # its rotation
 DOWN = 25  # turns of the wheel from the first panel to Cut, Slices and Render
 
 
@@ -144,7 +144,7 @@ def scenario():
     with in_the_view():
         assert bpy.ops.rle_splat.add_slice(kind="coronal") == {"FINISHED"}
     one = bpy.context.view_layer.objects.active
-    one.rle_splat.slice_position -= 1.0  # mm, before the cut
+    one.rle_splat.slice_position -= 0.5  # mm, before the cut
     one.select_set(False)
     bpy.context.view_layer.objects.active = volume
     volume.rle_splat.slices_clear_black = True
@@ -162,7 +162,7 @@ def scenario():
     began = time.perf_counter()
     sun = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
     scene.collection.objects.link(sun)
-    sun.data.energy, sun.data.angle, volume.rle_splat.lighting = 1.5, radians(3.0), "BOTH"
+    sun.data.energy, sun.data.angle, volume.rle_splat.lighting = 1.2, radians(15.0), "BOTH"
     sun.rotation_euler = [radians(angle) for angle in SUN]
     bpy.context.view_layer.objects.active = volume
     look_from(62.0, -20.0, 1.85)  # a camera sees half of what a viewport does
