@@ -41,24 +41,10 @@ STEPS = (  # of the strip, after the slices: pictures of the documentation, and 
     ("gallery-skull", (0, 0, 1600, 1200)),
 )  # fmt: skip
 STEP, GAP = (560, 420), 4  # pixels of a picture of the strip, and between two
-# Two boxes leave the head holder out: their middle and half their sides in mm, the second turned by 45 degrees.
-MIDDLE, STRAIGHT, TURNED, HEIGHT = (-2.7, 103.0, 764.0), (74.0, 98.0), 88.0, 90.0
 
 
 def data_folder() -> Path:
     return Path(os.environ.get("RLE_SPLAT_DATA") or ROOT.parent / "shared" / "data")
-
-
-def boxes() -> list[dict]:
-    """Clip objects around the skull, as in the file that ``--clip`` takes."""
-    half = TURNED * math.sqrt(0.5)
-    axes = (((STRAIGHT[0], 0.0), (0.0, STRAIGHT[1])), ((half, -half), (half, half)))
-    return [
-        {"kind": "box", "keep": "inside", "matrix_world": [
-            [x[0], x[1], 0.0, MIDDLE[0]], [y[0], y[1], 0.0, MIDDLE[1]], [0.0, 0.0, HEIGHT, MIDDLE[2]],
-            [0.0, 0.0, 0.0, 1.0],
-        ]} for x, y in axes
-    ]  # fmt: skip
 
 
 def opaque_bone(folder: Path) -> list[str]:
@@ -73,17 +59,13 @@ def opaque_bone(folder: Path) -> list[str]:
 
 def skull_words(folder: Path) -> list[str]:
     """What each command line takes of the scan."""
-    series, clip = data_folder() / SKULL, []
-    if series.is_dir():
-        path = folder / "boxes.json"
-        path.write_text(json.dumps(boxes()), encoding="utf-8")
-        clip = ["--clip", str(path)]
-    else:
+    series = data_folder() / SKULL
+    if not series.is_dir():
         from .practice_ct import write_series
 
         series = folder / "practice-ct"
         write_series(series)
-    return [str(series), *opaque_bone(folder), *clip]
+    return [str(series), *opaque_bone(folder)]
 
 
 def command_lines(folder: Path) -> list[list[str]]:
@@ -125,10 +107,16 @@ def picture_and_depth(folder: Path) -> None:
 
     volume = rs.read_volume(skull_words(folder)[0])
     camera, matrix = rs.turntable(volume, azimuth=30, elevation=20, fit=0.95)
-    file = folder / "boxes.json"
-    clips = rs.Clip.list_from_json(file) if file.is_file() else ()
     function = rs.TransferFunction.from_json(folder / "bone.json")
-    scene = rs.Scene(volume, function, camera, width=PYTHON, height=PYTHON, volume_matrix=matrix, clips=clips)
+    scene = rs.Scene(
+        volume,
+        function,
+        camera,
+        width=PYTHON,
+        height=PYTHON,
+        volume_matrix=matrix,
+        labels=rs.hide_table(volume, function),
+    )
     made = rs.render(scene, rs.Quality.preset("fine"))
     seen = made.rgba[..., 3] > 0.5
     near, far = np.quantile(made.depth[seen], (0.01, 0.99))
@@ -148,7 +136,7 @@ def picture_and_depth(folder: Path) -> None:
         volume_shadows=True,
         world=(0.3, 0.3, 0.3),
         ambient_occlusion=1.0,
-        clips=(*clips, cut),
+        clips=(cut,),
     )
     shown = Image.fromarray(to_bytes(made.rgba, BLACK)).convert("RGBA")
     opened = Image.fromarray(to_bytes(rs.render(lit, rs.Quality.preset("fine")).rgba, BLACK)).convert("RGBA")
@@ -160,18 +148,16 @@ def opening(folder: Path) -> None:
     """how-to-opening.webp: a plane cuts the skull open while the camera turns, there and back."""
     import rle_splat as rs
 
-    file = folder / "boxes.json"
-    if not file.is_file():
-        return
-    volume, cache, frames = rs.read_volume(data_folder() / SKULL), rs.StageCache(), []
-    clips, function = rs.Clip.list_from_json(file), rs.TransferFunction.from_json(folder / "bone.json")
+    volume, cache, frames = rs.read_volume(skull_words(folder)[0]), rs.StageCache(), []
+    function = rs.TransferFunction.from_json(folder / "bone.json")
+    body = rs.hide_table(volume, function)
     for number in range(OPENING):
         done = 0.5 - 0.5 * math.cos(math.pi * number / (OPENING - 1))
         camera, matrix = rs.turntable(volume, azimuth=35.0 - 25.0 * done, elevation=15.0 + 10.0 * done, fit=0.95)
         place = rs.turntable_aim(volume, matrix) + (0.0, FRONT + done * (BACK - FRONT), 0.0)
         cut = rs.Clip(kind="plane", matrix_world=rs.look_at(place + (0.0, -1.0, 0.0), place))
         scene = rs.Scene(
-            volume, function, camera, width=PYTHON, height=PYTHON, volume_matrix=matrix, clips=(*clips, cut),
+            volume, function, camera, width=PYTHON, height=PYTHON, volume_matrix=matrix, clips=(cut,), labels=body,
             world=(0.3, 0.3, 0.33), ambient_occlusion=1.0,
         )  # fmt: skip
         made = rs.render(scene, rs.Quality.preset("fine"), cache=cache)

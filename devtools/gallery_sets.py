@@ -119,10 +119,10 @@ def heart(stage: Stage):
     false, true = (next(row.label_name for row in ours.labels if part in row.label_name) for part in ("false", "true"))
     _show(ours, "Background")
     ours.shift_by = 130.0  # HU: the sternum is apart
-    _keep(ours, "Sternum", IN_WIRE, 4.0)
+    _keep(ours, "Sternum", IN_WIRE, 3.0)
     bpy.ops.rle_splat.threshold_segment(low=1600.0, high=ours.value_high)
     ours.labels[ours.active_label].label_name = "Wires"
-    _change(ours, "Wires", "GROW", 2.0)
+    _change(ours, "Wires", "GROW", 1.6)
     ours.shift_by = 80.0  # vessels and other bones are apart
     _show(ours, "Background")
     _keep(ours, "Bones", IN_BONE, 3.0)
@@ -136,7 +136,7 @@ def heart(stage: Stage):
         row.show = row.label_name != "Background"
         if row.label_name in colors:
             row.use_color, row.color = True, colors[row.label_name]
-    ours.smoothness, ours.opacity_unit_distance = 3.0, 1.0
+    ours.smoothness, ours.opacity_unit_distance = 4.0, 1.0
     laid = _lay_slice(stage)
     camera = stage.camera((1.75, -1.05, 0.55), lens=42.0, aim=(0.01, 0.017, -0.06))
     bpy.context.view_layer.update()
@@ -153,7 +153,7 @@ def heart(stage: Stage):
     floor.active_material.node_tree.nodes["Principled BSDF"].inputs["Specular IOR Level"].default_value = 0.0
     bpy.context.scene.cycles.use_denoising = True
     stage.ground += (laid,)
-    stage.key(3.6, (0.3, -1.4, 1.5), (1.0, 0.97, 0.94))
+    stage.key(3.4, (1.3, -1.5, 1.7), (1.0, 0.97, 0.94))
     stage.area("Rim", 50.0, (-0.8, 1.6, 1.0), COLD)
     softbox_world(
         ((0.02, 0.02, 0.022), (0.05, 0.055, 0.065), (0.25, 0.27, 0.3)),

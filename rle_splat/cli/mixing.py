@@ -53,8 +53,8 @@ def add_mixing_options(parser) -> None:
     group.add_argument(
         "--keep-table",
         action="store_true",
-        help="show the table or the head holder of a CT; without this, --labels, --transfer-function or --tolerance "
-        "it is hidden if at least 0.6%% of the voxels shown lie beside the body",
+        help="show the table or the head holder of a CT; without this, --labels or --tolerance it is "
+        "hidden if at least 0.6%% of the voxels shown lie beside the body",
     )
 
 
@@ -63,7 +63,7 @@ def hide_table(args, volume: Volume, function: TransferFunction, line) -> tuple[
 
     A tolerance cannot be met with labels, so a table stays where one is given.
     """
-    if args.keep_table or args.labels or args.transfer_function or getattr(args, "tolerance", None):
+    if args.keep_table or args.labels or getattr(args, "tolerance", None):
         return None, ()
     labels = line.follow(hide_table_steps(volume, function))
     return labels, () if labels is None else (TABLE_HIDDEN,)

@@ -241,8 +241,8 @@ def test_a_table_is_hidden_where_a_scan_is_first_seen(call, tmp_path, write_json
         assert ("--keep-table" in result.out) == (alpha[:18].max() < 0.01)
         return alpha[:18].max() > 0.9, alpha[32, 32] > 0.9
 
-    assert shows() == shows("--preset", "ct-bone") == (False, True)
-    assert shows("--keep-table") == shows("--transfer-function", function) == (True, True)
+    assert shows() == shows("--preset", "ct-bone") == shows("--transfer-function", function) == (False, True)
+    assert shows("--keep-table") == shows("--keep-table", "--transfer-function", function) == (True, True)
     assert shows("--tolerance", "8") == (True, True), "which works without labels alone"
 
     figure, again = tmp_path / "figure.png", tmp_path / "again.png"
