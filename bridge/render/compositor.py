@@ -405,7 +405,7 @@ def _result_socket(tree, scene):
     layers = tree.nodes.new("CompositorNodeRLayers")
     layers.scene = scene
     output = tree.nodes.new(versions.OUTPUT_NODE)
-    output.location = (400.0, 0.0)
+    output.location = (520.0, 0.0)  # beyond an Alpha Over after the Render Layers node
     layers[MARK] = output[MARK] = _DEFAULT
     target = next(socket for socket in output.inputs if socket.type == "RGBA")
     tree.links.new(layers.outputs["Image"], target)

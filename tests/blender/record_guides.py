@@ -108,7 +108,8 @@ def lights():
     scene.view_settings.view_transform = "Standard"
     bare()
     activate(volume)
-    look_from(78.0, 28.0, 0.9)
+    area_of("VIEW_3D").spaces.active.overlay.show_overlays = False
+    look_from(78.0, 28.0, 0.5)
     yield from settled()
     yield from keep("how-to-lighting")
     passed("lights")
@@ -366,6 +367,9 @@ def nodes():
     """The compositor, as Show in Renders leaves it."""
     open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_picture")
     yield from imported("mr-brain", BRAIN)
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    bpy.context.scene.collection.objects.link(camera)
+    bpy.context.scene.camera = camera
     with in_the_view():
         assert bpy.ops.rle_splat.composite() == {"FINISHED"}
     editor = area_of("VIEW_3D")
@@ -374,7 +378,7 @@ def nodes():
     with bpy.context.temp_override(area=editor, region=next(one for one in editor.regions if one.type == "WINDOW")):
         bpy.ops.node.view_all()
     yield from wait_for_rest()
-    yield from keep("how-to-nodes")
+    yield from keep("how-to-nodes", "860x470+60+125")
     editor.ui_type = "VIEW_3D"
     passed("nodes")
 
@@ -467,8 +471,9 @@ def first_picture():
     scan = shutil.copy(DATA / BRAIN, Path(tempfile.mkdtemp()) / "FLAIR.nrrd")
     with in_the_view():
         assert bpy.ops.rle_splat.import_volume(filepath=str(scan)) == {"FINISHED"}
-    scene.rle_splat.ambient_occlusion, view = 1.0, area_of("VIEW_3D").spaces.active.region_3d
-    view.view_rotation, view.view_distance = Euler((1.2, 0.0, 0.6)).to_quaternion(), 0.7 * view.view_distance
+    scene.rle_splat.ambient_occlusion, scene.rle_splat.quality = 1.0, "fine"
+    view = area_of("VIEW_3D").spaces.active.region_3d
+    view.view_rotation, view.view_distance = Euler((1.2, 0.0, 0.6)).to_quaternion(), 0.88 * view.view_distance
     yield from settled()
     scene.camera, camera.matrix_world = camera, view.view_matrix.inverted()
     with in_the_view():
