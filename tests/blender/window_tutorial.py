@@ -162,7 +162,7 @@ def scenario():
     began = time.perf_counter()
     sun = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
     scene.collection.objects.link(sun)
-    sun.data.energy, sun.data.angle, volume.rle_splat.lighting = 1.2, radians(15.0), "BOTH"
+    sun.data.energy, sun.data.angle, volume.rle_splat.lighting = 0.8, radians(15.0), "BOTH"
     sun.rotation_euler = [radians(angle) for angle in SUN]
     bpy.context.view_layer.objects.active = volume
     look_from(62.0, -20.0, 1.85)  # a camera sees half of what a viewport does
