@@ -21,6 +21,7 @@ from .through_camera import evaluated, has_volume_and_camera
 
 # Shares of the picture's height: size of a name, distance from name to name, space beside a name, and a line's width.
 SIZE, STEP, SPACE, LINE = 0.03, 0.05, 0.012, 0.0018
+BALL, BALL_STEPS = 4.5, 17  # the ball at the end of a line: widths of the line, and points of its profile
 WIDE = 0.45  # of a letter, in sizes of the text
 MOST = 4_000_000  # voxels that are looked at; of larger maps every second one, third one and so on
 CELL = 1.5  # side of the squares in which a voxel hides others, in distances of voxels
@@ -156,11 +157,16 @@ def _in_words(row) -> str:
 
 
 def _line(begin, end, width: float):
-    """A straight line in the plane z = 0, as round as ``width``."""
+    """A straight line in the plane z = 0, as round as ``width``, with a ball at its end."""
     curve = bpy.data.curves.new("Line", "CURVE")
     curve.dimensions, curve.bevel_depth = "3D", 0.5 * width
-    spline = curve.splines.new("POLY")
+    spline, ball = curve.splines.new("POLY"), curve.splines.new("POLY")
     spline.points.add(1)
     for point, place in zip(spline.points, (begin, end)):
         point.co = (*Vector(place).to_3d(), 1.0)
+    along = np.linspace(-1.0, 1.0, BALL_STEPS)
+    ball.points.add(BALL_STEPS - 1)
+    for point, share in zip(ball.points, along):
+        point.co = (end[0], end[1] + share * 0.5 * BALL * width, 0.0, 1.0)
+        point.radius = BALL * np.sqrt(1.0 - share**2)
     return curve

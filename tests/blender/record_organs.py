@@ -51,6 +51,14 @@ def masks() -> Path:
     return folder
 
 
+def move_end(line, place) -> None:
+    """Move the end of a line, with its ball."""
+    end = line.data.splines[0].points[1]
+    step = place - end.co
+    for point in (end, *line.data.splines[1].points):
+        point.co += step
+
+
 def name_true_lumen(frame) -> None:
     """A further name and its line, duplicates of others: below the last one on the left, to the descending aorta."""
     tall = frame[0].y - frame[2].y
@@ -62,10 +70,9 @@ def name_true_lumen(frame) -> None:
     text.matrix_world = (
         Matrix.Translation(line.matrix_world.to_3x3() @ Vector((0.0, -LOWER * tall, 0.0))) @ text.matrix_world
     )
-    begin, end = line.data.splines[0].points
-    begin.co.y -= LOWER * tall
-    end.co = bpy.data.objects["Line to Aorta false lumen"].data.splines[0].points[1].co
-    end.co.y -= DESCENDING * tall
+    line.data.splines[0].points[0].co.y -= LOWER * tall
+    end = bpy.data.objects["Line to Aorta false lumen"].data.splines[0].points[1].co
+    move_end(line, end - Vector((0.0, DESCENDING * tall, 0.0, 0.0)))
 
 
 def fork(frame) -> None:
@@ -75,7 +82,7 @@ def fork(frame) -> None:
     bpy.context.scene.collection.objects.link(line)
     low, high = frame[2], frame[0]
     across, up = ((1.0 - share) * low[axis] + share * high[axis] for axis, share in enumerate(NEAR_AORTA))
-    line.data.splines[0].points[1].co = (across, up, 0.0, 1.0)
+    move_end(line, Vector((across, up, 0.0, 1.0)))
 
 
 def tutorial_of_organs():
