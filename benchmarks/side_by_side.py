@@ -293,7 +293,8 @@ DRAW = {
     "ours": draw_ours, "vtk": draw_vtk, "vtk-smoothed": draw_vtk_smoothed, "cycles": draw_cycles,
 }  # fmt: skip
 TITLES = {
-    "ours": "RLE Splat", "vtk": "VTK (CPU)", "vtk-smoothed": "VTK (CPU), smoothed", "cycles": "Cycles",
+    "ours": "RLE Splat, shadows", "vtk": "VTK (CPU), no shadows", "vtk-smoothed": "VTK, smoothed, no shadows",
+    "cycles": "Cycles",
 }  # fmt: skip
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from .camera import Camera
 from .checks import as_color, as_matrix, identity, is_finite_number, positive
 from .clip import Clip
+from .display import to_bytes
 from .environment import Environment
 from .errors import RleSplatError
 from .further_volumes import Channel, Labels, is_same_grid
@@ -278,6 +279,21 @@ class Rendering:
     rgba: np.ndarray
     depth: np.ndarray
     report: dict
+
+    def to_srgb(self, background=None) -> np.ndarray:
+        """The pixels for display, such as for Pillow or matplotlib.
+
+        Parameters
+        ----------
+        background : (3,) sequence of float, optional
+            Scene-linear RGB below the picture.
+
+        Returns
+        -------
+        ndarray of uint8
+            sRGB: (H, W, 3) over the background, or without one (H, W, 4) with straight alpha.
+        """
+        return to_bytes(self.rgba, background if background is None else as_color(background, "The background"))
 
     def __repr__(self) -> str:
         height, width = self.depth.shape

@@ -69,6 +69,16 @@ def test_png_straight_alpha_is_read_back(tmp_path, picture):
     expected = encode_srgb(rgba[seen][:, :3] / alpha[seen][:, None]) * 255
     assert np.abs(back[seen][:, :3] - expected).max() <= 0.5 + 1e-3
     assert (back[~seen] == 0).all()
+    assert np.array_equal(back, Rendering(rgba, depth, {}).to_srgb())
+
+
+def test_pixels_for_display_are_over_a_background(picture):
+    rgba, depth = picture
+    shown = Rendering(rgba, depth, {}).to_srgb((0.5, 0.2, 1.0))
+    expected = encode_srgb(rgba[..., :3] + (1 - rgba[..., 3:]) * np.array((0.5, 0.2, 1.0))) * 255
+    assert shown.dtype == np.uint8 and np.abs(shown - expected).max() <= 0.5 + 1e-3
+    with pytest.raises(RleSplatError, match="three finite numbers"):
+        Rendering(rgba, depth, {}).to_srgb("white")
 
 
 def test_exr_is_read_back(tmp_path, picture):

@@ -31,7 +31,7 @@ from .table import TRUTH_TEXTS
 REPEATS = 5  # frames; their median counts
 CROP_SIDE = 96  # pixels
 TOLERANCES = (8.0, 4.0, 2.0, 1.0, 0.5)  # levels: the plans that these would choose are measured too
-LONGEST = 1000.0  # milliseconds: such a plan is not measured when a frame of it is expected to take longer
+LONGEST = 2000.0  # milliseconds: such a plan is not measured when a frame of it is expected to take longer
 PILOTS_END = 0.05  # the fraction of the work after which the pilots end
 WITHOUT_T1 = "Plans of pre are left out, because their reference T1 has no shadows and no channels."
 FRAMES_END = 0.6  # the fraction of the work after which the frames end and the truths begin
