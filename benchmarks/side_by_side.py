@@ -45,7 +45,7 @@ SIZE, SAMPLES, BOUNCES, PILOT = 360, 4, 4, 4  # pixels, VTK's samples per voxel,
 WORLD, OCCLUSION = 0.15, 0.8
 LAMP = (0.55, -0.6, -0.58)  # where the sun shines to, in the camera's axes: from above, on the left
 ENERGY = 3.2
-TITLE, LETTERS = 1 / 14, 1 / 23  # height of the room above each picture, and of its letters, in sides of it
+TITLE, LETTERS = 1 / 14, 1 / 25  # height of the room above each picture, and of its letters, in sides of it
 STRIP = (44, 44, 44)  # the color of that room
 FILLED, FAINT, SOFT = 0.9, 0.02, 0.3  # of presets: part of the picture, least opacity that counts, light of the world
 BRIGHT = 0.9  # quantile of what is seen that is made equal
@@ -293,7 +293,7 @@ DRAW = {
     "ours": draw_ours, "vtk": draw_vtk, "vtk-smoothed": draw_vtk_smoothed, "cycles": draw_cycles,
 }  # fmt: skip
 TITLES = {
-    "ours": "RLE Splat, shadows", "vtk": "VTK (CPU), no shadows", "vtk-smoothed": "VTK, smoothed, no shadows",
+    "ours": "RLE Splat, shadows", "vtk": "VTK (CPU), no shadows", "vtk-smoothed": "VTK smoothed, no shadows",
     "cycles": "Cycles",
 }  # fmt: skip
 

@@ -127,7 +127,7 @@ def picture_and_depth(folder: Path) -> None:
         clip_end=2000.0,
     )  # fmt: skip
     sun = rs.Light(type="SUN", energy=2.4, angle=0.3, matrix_world=rs.look_at(center + (-0.15, -1.0, 0.05), center))
-    cut = rs.Clip(kind="plane", matrix_world=rs.look_at(center + (0.0, -1.0, 0.0), center))
+    cut = rs.Clip(kind="plane", matrix_world=rs.look_at(center, center + (0.0, 1.0, 0.0)))
     lit = replace(
         scene,
         camera=own,
@@ -155,7 +155,7 @@ def opening(folder: Path) -> None:
         done = 0.5 - 0.5 * math.cos(math.pi * number / (OPENING - 1))
         camera, matrix = rs.turntable(volume, azimuth=35.0 - 25.0 * done, elevation=15.0 + 10.0 * done, fit=0.95)
         place = rs.turntable_aim(volume, matrix) + (0.0, FRONT + done * (BACK - FRONT), 0.0)
-        cut = rs.Clip(kind="plane", matrix_world=rs.look_at(place + (0.0, -1.0, 0.0), place))
+        cut = rs.Clip(kind="plane", matrix_world=rs.look_at(place, place + (0.0, 1.0, 0.0)))
         scene = rs.Scene(
             volume, function, camera, width=PYTHON, height=PYTHON, volume_matrix=matrix, clips=(cut,), labels=body,
             world=(0.3, 0.3, 0.33), ambient_occlusion=1.0,

@@ -23,6 +23,7 @@ from gallery_studio import (
     letters,
     scale_bar,
     softbox_world,
+    spare,
     view_transform,
 )
 from mathutils import Matrix, Vector
@@ -31,9 +32,9 @@ MM = 0.001
 PLATE = -112.0  # the height of the slice above the middle of the scan
 # Names, the place of each in mm from the middle of the scan, and that of its text in the picture, in widths.
 NAMES = (
-    ("Veins with contrast", (-56.0, -29.0, 110.0), (-0.24, 0.29)),
     ("Sternal wires", (-56.0, -65.0, 49.0), (-0.24, 0.2)),
     ("Ascending aorta", (-28.0, -23.0, 42.0), (-0.24, 0.12)),
+    ("Pulmonary trunk", (18.0, 0.0, 17.0), (-0.24, 0.05)),
     ("Right ventricle", (-16.0, -46.0, -33.0), (-0.24, -0.02)),
     ("Stent graft", (-7.0, 34.0, 80.0), (0.26, 0.25)),
     ("False lumen", (10.0, 53.0, 64.0), (0.26, 0.19)),
@@ -153,7 +154,8 @@ def heart(stage: Stage):
     floor.active_material.node_tree.nodes["Principled BSDF"].inputs["Specular IOR Level"].default_value = 0.0
     bpy.context.scene.cycles.use_denoising = True
     stage.ground += (laid,)
-    stage.key(3.4, (1.3, -1.5, 1.7), (1.0, 0.97, 0.94))
+    key = stage.key(3.4, (1.3, -1.5, 1.7), (1.0, 0.97, 0.94))
+    spare("Key", key, (floor,))  # a shadow of ribs alone would look like an object
     stage.area("Rim", 50.0, (-0.8, 1.6, 1.0), COLD)
     softbox_world(
         ((0.02, 0.02, 0.022), (0.05, 0.055, 0.065), (0.25, 0.27, 0.3)),

@@ -84,11 +84,7 @@ class Stage:
             setattr(data, key, value)
         made = _placed(name, data, spot, target)
         if self.ground:  # what casts no shadow would wash the key's shadow out
-            spared = bpy.data.collections.new(f"Not lit by {name}")
-            for n, one in enumerate(self.ground):
-                spared.objects.link(one)
-                spared.collection_objects[n].light_linking.link_state = "EXCLUDE"
-            made.light_linking.receiver_collection = spared
+            spare(name, made, self.ground)
         return made
 
     def key(self, strength: float, place, color=WARM) -> bpy.types.Object:
@@ -132,6 +128,15 @@ class Stage:
         bpy.context.scene.collection.objects.link(floor)
         self.ground = (floor,)
         return floor
+
+
+def spare(name: str, light, objects) -> None:
+    """Leave objects out of what a light shines on."""
+    spared = bpy.data.collections.new(f"Not lit by {name}")
+    for n, one in enumerate(objects):
+        spared.objects.link(one)
+        spared.collection_objects[n].light_linking.link_state = "EXCLUDE"
+    light.light_linking.receiver_collection = spared
 
 
 def _placed(name: str, data, spot, target):

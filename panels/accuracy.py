@@ -1,4 +1,4 @@
-"""The Accuracy panel: measured times and errors of several plans, the choice of a plan, and the error map."""
+"""The Accuracy panel: measured times and errors of several quality settings, the choice of one, and the error map."""
 
 import bpy
 from bpy.app.translations import pgettext_iface

@@ -18,7 +18,7 @@ _TEXTS = {
     "keys": ("Cubic, Fast", "Cubic interpolation of 4 x 4 pixels"),
     "cubic": ("Cubic", "Cubic splines through 4 x 4 pixels; the most accurate"),
     "extinction": ("Extinction", "Add the extinctions of voxels that overlap"),
-    "opacity": ("Opacity", "Add the opacities of voxels that overlap, as in the paper"),
+    "opacity": ("Opacity", "Add the opacities of voxels that overlap, as in the original 2003 method"),
 }
 _COUNTED = {
     "midpoint": ("{} Midpoints", "{} layers between neighboring slices"),

@@ -43,11 +43,11 @@ QUALITY_TEXTS = {
     "fine": ("Fine", "More accurate, for final pictures; up to twice the time of Standard"),
     "strict": (
         "Very Fine",
-        "The most accurate; 3 to 5 times the time of Standard, with shadows or ambient occlusion up to 50 times",
+        "The most accurate; 3 to 5 times the time of Standard, with shadows or ambient occlusion 50 times and more",
     ),
 }
 CLASSIFICATION_TEXTS = {
-    "pre": ("Colors", "Give every voxel its color and opacity, then interpolate those, as in the paper "
+    "pre": ("Colors", "Give every voxel its color and opacity, then interpolate those, as in the original 2003 method "
             "(pre-classification)"),
     "post": ("Values", "Interpolate the values, then look up color and opacity, as ray casting does "
              "(post-classification)"),

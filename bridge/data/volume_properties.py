@@ -296,7 +296,7 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     lighting: LiveEnum(name="Light Source", description="Lights that shine on the volume", items=LIGHTING_ITEMS)
     use_gradient_opacity: LiveBool(
         name="Gradient Opacity", default=False, description="Multiply the opacity by a curve over the gradient, so "
-        "that even regions become transparent and surfaces remain")  # fmt: skip
+        "that uniform regions become transparent and surfaces remain")  # fmt: skip
     gradient_low: LiveFloat(
         name="Gradient From", default=0.0, min=0.0, soft_max=1000.0, precision=2, description="Gradient at the left "
         "end of the curve: change of the values per unit of length, such as HU per mm")  # fmt: skip

@@ -23,6 +23,8 @@ BINS = 1024
 PRESET_OF_MODALITY = {
     "CT": "ct-bone", "MR": "mr-head", "PT": "pet", "RTDOSE": "isodose", "XA": "xa-limb", "SMOKE": "smoke",
 }  # fmt: skip
+BRAIN, HEAD = "mr-brain", "mr-head"
+EMPTY = 0.9  # share of a face of a scan
 ADDED_PET = "pet-hot"  # preset of a PET that is added to another volume
 # Words in file names and in names of body parts, as scanners and archives use them.
 PRESET_OF_WORD = {
@@ -109,6 +111,7 @@ def _proposals(volume: Volume, spread: Histogram, has_contrast: bool):
     for word in words:
         part = PRESET_OF_PART.get(volume.modality, {}).get(word)
         if part is not None:
+            part = _of_head(part, volume)
             yield part, f"the modality is {volume.modality} and the name of the volume contains {word}"
     if volume.value_unit == "HU":
         if has_contrast:
@@ -124,7 +127,16 @@ def _proposals(volume: Volume, spread: Histogram, has_contrast: bool):
         return
     for word in words:
         if word in PRESET_OF_WORD:
-            yield PRESET_OF_WORD[word], f"the name of the volume contains {word}"
+            yield _of_head(PRESET_OF_WORD[word], volume), f"the name of the volume contains {word}"
+
+
+def _of_head(name: str, volume: Volume) -> str:
+    """A preset; that of a head in place of a brain's, unless the scan's faces are nearly all of one value, as where all
+    but the brain was removed.  A head reaches the lowest face with its neck, a brain with its stem at most."""
+    if name != BRAIN:
+        return name
+    faces = [np.take(volume.voxels, end, axis) for axis in range(3) for end in (0, -1)]
+    return BRAIN if all(np.mean(face == faces[0].flat[0]) > EMPTY for face in faces) else HEAD
 
 
 def _words(name: str) -> list[str]:

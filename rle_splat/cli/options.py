@@ -316,7 +316,8 @@ def add_tolerance_options(parser) -> None:
     group.add_argument("--tolerance", type=float, metavar="STEPS", help="largest allowed error, in 8-bit steps, 1/255")
     group.add_argument(
         "--probes", type=int, metavar="N",
-        help=f"number of pixels at which the error is measured (default {PROBES}); 0 predicts it only",
+        help=f"about how many pixels the error is measured at (default {PROBES}), and up to half as many more where "
+        "it is likely to be large; 0 predicts it only",
     )  # fmt: skip
 
 

@@ -8,7 +8,7 @@ LEAST_ANGLE = 1e-6  # sine of the angle between the view and up, below which up 
 
 
 def look_at(position, target, up=(0.0, 0.0, 1.0)) -> np.ndarray:
-    """Make the ``matrix_world`` of a camera or a light at one point that looks at another.
+    """Make the ``matrix_world`` of a camera, a light or a cutting plane at one point that looks at another.
 
     Parameters
     ----------
@@ -20,7 +20,8 @@ def look_at(position, target, up=(0.0, 0.0, 1.0)) -> np.ndarray:
     Returns
     -------
     (4, 4) ndarray of float64
-        Columns are right, up, backward and the position: cameras and lights look along -Z.
+        Columns are right, up, backward and the position: cameras and lights look along -Z, and a plane removes the side
+        of +Z.
 
     Raises
     ------

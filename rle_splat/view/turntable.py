@@ -18,7 +18,7 @@ def turntable(
     ----------
     volume : Volume
     azimuth, elevation : float
-        Degrees. 0 and 0 look along +Y with +Z up.
+        Degrees. 0 and 0 look along +Y with +Z up. Azimuth 90 is from a patient's left (+X), elevation 90 from above.
     fit : float
         Height of the view as a multiple of the largest n * spacing.
     perspective : bool
@@ -85,7 +85,7 @@ def turntable_axes(azimuth: float, elevation: float) -> tuple[np.ndarray, np.nda
     Parameters
     ----------
     azimuth, elevation : float
-        Degrees. 0 and 0 look along +Y with +Z up.
+        Degrees. 0 and 0 look along +Y with +Z up. Azimuth 90 is from a patient's left (+X), elevation 90 from above.
 
     Returns
     -------

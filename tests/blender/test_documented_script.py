@@ -2,6 +2,7 @@
 
 import re
 import sys
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
@@ -17,23 +18,27 @@ pytestmark = pytest.mark.usefixtures("by_numpy")
 PAGES = Path(__file__).resolve().parents[2] / "docs/how-to"
 
 
-def script_of(page):
-    """The one script of a page."""
+def scripts_of(page, **there):
+    """The scripts of a page, with other files for those in /data."""
     text = (PAGES / page).read_text(encoding="utf-8")
-    (script,) = re.findall(r"^```python\n(.*?)^```", text, re.MULTILINE | re.DOTALL)
-    return script
+    for name, path in there.items():
+        assert len(re.findall(rf'"/data/{name}[."]', text)) == 1
+        text = re.sub(rf'"/data/{name}(\.\w+)?"', lambda _, path=path: repr(str(path)), text)
+    return [compile(one, page, "exec") for one in re.findall(r"^```python\n(.*?)^```", text, re.MULTILINE | re.DOTALL)]
 
 
-def test_the_documented_script_runs(tmp_path):
+def test_the_documented_scripts_run(tmp_path, core):
     pytest.importorskip("pydicom")
     phantoms = import_module("tests.read.dicom_phantoms")
     phantoms.write_classic(tmp_path / "scan", phantoms.geometry("a", (1, 0, 0), (0, 1, 0), [2.0 * i for i in range(6)]))
-    script = script_of("script-blender.md")
-    for name, there in (("/data/dicom", tmp_path / "scan"), ("/data/scan.png", tmp_path / "render.png")):
-        assert script.count(f'"{name}"') == 1
-        script = script.replace(f'"{name}"', repr(str(there)))
+    (tmp_path / "bone.json").write_text('{"opacity": [[0, 0.0], [500, 0.9]], "color": [[0, 1.0, 1.0, 1.0]]}')
+    first, further = scripts_of(
+        "script-blender.md", dicom=tmp_path / "scan", scan=tmp_path / "render.png", bone=tmp_path / "bone.json",
+        segmentations=tmp_path / "masks",
+    )  # fmt: skip
     scenes.use_cycles((32, 32))
-    exec(compile(script, "script-blender.md", "exec"), {})
+    names = {}
+    exec(first, names)
     scene = bpy.context.scene
     settings, camera = scene.rle_splat, scene.camera
     assert settings.quality == "fine" and settings.use_composite and settings.last_report
@@ -46,6 +51,18 @@ def test_the_documented_script_runs(tmp_path):
     assert {"R", "L"} <= {one.name for one in scene.objects}
     assert (tmp_path / "render.png").is_file()
 
+    volume = core("read.formats").read_volume(tmp_path / "scan")
+    (tmp_path / "masks").mkdir()
+    for name, half in (("lower", np.s_[:3]), ("upper", np.s_[3:])):
+        voxels = np.zeros(volume.voxels.shape, np.uint8)
+        voxels[half] = 1
+        mask = replace(volume, voxels=voxels, value_unit=None)
+        core("read.formats").write_volume(mask, tmp_path / "masks" / f"{name}.nii.gz")
+    exec(further, names)
+    assert all(row.use_color for row in scan.rle_splat.labels) and settings.clip_objects.objects
+    red, green, *_ = names["pixels"].reshape(-1, 4).max(axis=0)
+    assert red > 2.0 * green > 0.0
+
 
 def test_the_camera_path_of_a_scene_shows_it_on_the_command_line(tmp_path, core, monkeypatch, capsys):
     owner = scenes.cube_scene(tmp_path, name="scan")
@@ -56,7 +73,7 @@ def test_the_camera_path_of_a_scene_shows_it_on_the_command_line(tmp_path, core,
         scene.camera.location.x = across
         scene.camera.keyframe_insert("location", frame=frame)
     monkeypatch.setattr(sys, "argv", ["blender", "--", str(tmp_path)])
-    exec(compile(script_of("render-many-frames.md"), "render-many-frames.md", "exec"), {})
+    exec(*scripts_of("render-many-frames.md"), {})
     assert "scene scale: 1.0" in capsys.readouterr().out
     done = core("cli.main").main([
         "render", str(tmp_path / "scan.raw"), "--shape", "7", "7", "7", "--dtype", "uint8", "--size", "24",

@@ -50,7 +50,7 @@ class TestBadInput:
 
     def test_spacing_that_would_be_lost(self, tmp_path: Path):
         phantoms.write_classic(tmp_path, AXIAL)
-        assert "leave out --spacing" in refusal(tmp_path, spacing=(1, 1, 1))
+        assert "leave out the spacing" in refusal(tmp_path, spacing=(1, 1, 1))
 
     def test_slices_on_a_curve(self, tmp_path: Path):
         bent = phantoms.geometry("bent", (1, 0, 0), (0, 1, 0), np.arange(9) * 1.5)

@@ -80,10 +80,19 @@ def test_the_first_transfer_function_leaves_the_table_out(bone):
 @pytest.mark.parametrize("modality, name, choice", [
     ("CT", "CT LUNG", "ct-lung"), ("CT", "CT CHEST", "ct-bone"), ("MR", "MR BRAIN", "mr-head"),
     ("MR", "MR TOF", "mr-angiography"), (None, "mrbrain", "mr-head"), (None, "ct_abdomen", "ct-bone"),
-    (None, "sub-01_flair", "mr-brain"), (None, "bonsai", None),
+    (None, "sub-01_flair", "mr-head"), (None, "bonsai", None),
 ])  # fmt: skip
 def test_modality_and_body_part_choose_the_preset(modality, name, choice):
     z, y, x = np.mgrid[-1:1:24j, -1:1:24j, -1:1:24j]
     ball = np.clip(1000 * (1.2 - np.sqrt(x * x + y * y + z * z)), 0, 1200).astype(np.int16)
     reason = default_transfer_function(Volume(ball, np.eye(4), modality=modality, name=name))[1]
     assert (f"preset {PRESETS[choice].label} was" in reason) if choice else "preset" not in reason
+
+
+@pytest.mark.parametrize("modality", [None, "MR"])
+def test_a_brain_is_shown_where_all_else_was_removed(modality):
+    voxels = np.zeros((24, 24, 24), np.int16)
+    voxels[4:20, 4:20, 4:20] = np.arange(200, 600, 100)[:, None, None].repeat(4, axis=0)
+    for whole, choice in ((voxels, "mr-brain"), (np.pad(voxels[:20], [(4, 0), (0, 0), (0, 0)]), "mr-head")):
+        reason = default_transfer_function(Volume(whole, np.eye(4), modality=modality, name="sub-01_flair"))[1]
+        assert f"preset {PRESETS[choice].label} was" in reason

@@ -49,8 +49,8 @@ def render_within(
 ) -> Rendering:  # fmt: skip
     """Render a scene with a largest error of at most ``tolerance``, in the least time.
 
-    The error is measured at sample pixels, about three quarters of which are random: at 95 % confidence, up to 0.4 % of
-    all pixels may exceed it.
+    The error is measured at sample pixels. About half of them are random, by which at 95 % confidence up to 0.4 % of
+    all pixels may exceed it; the others are where the largest errors are likely.
 
     Parameters
     ----------

@@ -100,7 +100,9 @@ def read_dicom_steps(path, series=None, frame=None, spacing=None, series_key=Non
     found = yield from rescale(find_pictures(path), 0.0, HEADERS)
     if found.segmentation is not None:
         if (series, frame, spacing) != (None, None, None):
-            raise RleSplatError(f"{Path(path).name} is a segmentation; leave out --series, --frame and --spacing.")
+            raise RleSplatError(
+                f"{Path(path).name} is a segmentation; leave out series, time point (--frame) and spacing."
+            )
         return (yield from rescale(read_segmentation_steps(found.segmentation), HEADERS, 1.0))
     if found.structures:
         if scan is None:
