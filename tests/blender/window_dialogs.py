@@ -134,7 +134,7 @@ def write_encoded() -> None:
     )
     quality = module("rle_splat.scene").Quality(classification="pre")
     file, header = ENCODED
-    module("rle_splat.encode.store").save(
+    module("rle_splat.encode.store").save_encoded(
         FOLDER / file, module("rle_splat.pipeline.encode_scene").encode(plain, quality)
     )
     module("rle_splat.pipeline.encode_folder").encode_folder(plain, (FOLDER / header).parent, quality)
