@@ -237,8 +237,8 @@ def table():
 
 
 def cut():
-    """A heart, whole and cut open by a box whose handles are shown."""
-    yield from imported("ct-angiography", HEART)
+    """A heart, whole, cut open by a box whose handles are shown, and with a slice on the cut."""
+    volume = yield from imported("ct-angiography", HEART)
     look_from(78.0, 25.0, 0.5)
     yield from settled()
     yield from keep("closed", HEAD)
@@ -248,7 +248,20 @@ def cut():
     box.matrix_world.translation.y += 0.085  # m
     yield from settled()
     yield from keep("open", HEAD)
-    beside("how-to-cut", "closed", "open")
+    front = (box.matrix_world @ Vector((0.0, -box.empty_display_size, 0.0))).y - 0.0005  # m, before the cut
+    activate(volume)
+    with in_the_view():
+        assert bpy.ops.rle_splat.add_slice(kind="coronal") == {"FINISHED"}
+    made, view = bpy.context.view_layer.objects.active, area_of("VIEW_3D").spaces.active
+    made.matrix_world = Matrix.Translation((0.0, front - made.matrix_world.translation.y, 0.0)) @ made.matrix_world
+    ours = volume.rle_splat
+    ours.slices_follow_window, ours.slices_clear_black, ours.slice_center, ours.slice_width = False, True, 150.0, 900.0
+    bpy.context.scene.view_settings.view_transform = "Standard"  # leaves gray values as they are
+    view.shading.type, view.overlay.show_overlays = "MATERIAL", False
+    yield from settled()
+    yield from wait_for_rest()  # with the shaders of the slice
+    yield from keep("sliced", HEAD)
+    beside("how-to-cut", "closed", "open", "sliced")
     passed("cut")
 
 
@@ -471,7 +484,7 @@ def first_picture():
     scan = shutil.copy(DATA / BRAIN, Path(tempfile.mkdtemp()) / "FLAIR.nrrd")
     with in_the_view():
         assert bpy.ops.rle_splat.import_volume(filepath=str(scan)) == {"FINISHED"}
-    scene.rle_splat.ambient_occlusion, scene.rle_splat.quality = 1.0, "fine"
+    scene.rle_splat.ambient_occlusion, scene.rle_splat.quality = 1.0, "strict"
     view = area_of("VIEW_3D").spaces.active.region_3d
     view.view_rotation, view.view_distance = Euler((1.2, 0.0, 0.6)).to_quaternion(), 0.88 * view.view_distance
     yield from settled()
