@@ -34,7 +34,7 @@ PLATE = -112.0  # the height of the slice above the middle of the scan
 NAMES = (
     ("Sternal wires", (-56.0, -65.0, 49.0), (-0.24, 0.2)),
     ("Ascending aorta", (-28.0, -23.0, 42.0), (-0.24, 0.12)),
-    ("Pulmonary trunk", (18.0, -10.0, 32.0), (-0.24, 0.05)),
+    ("Pulmonary trunk", (7.0, -20.0, 39.0), (-0.24, 0.05)),
     ("Right ventricle", (-16.0, -46.0, -33.0), (-0.24, -0.02)),
     ("Stent graft", (-7.0, 34.0, 80.0), (0.26, 0.25)),
     ("False lumen", (10.0, 53.0, 64.0), (0.26, 0.19)),
