@@ -160,14 +160,26 @@ def _parameters(value) -> str:
 
 
 def _members(cls) -> list[tuple[str, str]]:
-    """The public methods and properties that a class defines, with their first paragraphs."""
+    """The public methods and properties that a class defines, and what they are."""
     rows = []
     for name, member in vars(cls).items():
         function = getattr(member, "__func__", member)
         if not name.startswith("_") and (callable(function) or hasattr(member, "fget")) and inspect.getdoc(member):
             typed = name + (_parameters(getattr(cls, name)) if callable(function) else "")
-            rows.append((f"`{typed}`", _sentence(_prose((inspect.getdoc(member) or "").partition("\n\n")[0]))))
+            rows.append((f"`{typed}`", _in_a_cell(inspect.getdoc(member) or "")))
     return rows
+
+
+def _in_a_cell(text: str) -> str:
+    """A docstring in one line: its first paragraph, its parameters and what it returns."""
+    beginning, *sections = SECTION.split(text)
+    parts = [_sentence(_prose(beginning.partition("\n\n")[0]))]
+    for title, body in zip(sections[::2], sections[1::2]):
+        if title in ("Parameters", "Returns"):
+            entries = re.findall(r"^(\S.*)\n?((?:^(?:[ ]{4}.*)?\n?)*)", body.strip("\n"), re.MULTILINE)
+            said = "Returns " * (title == "Returns")
+            parts += (said + _entry(head, rest).removeprefix("- ") for head, rest in entries)
+    return "<br>".join(parts)
 
 
 def _docstring(text: str) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 from ..classify.presets import PRESETS, preset
 from ..effects.ray_mode import OF_VALUES
 from ..scene import RleSplatError, Scene
+from ..segment.body import NAMES
 from ..segment.label_map import BACKGROUND
 from . import scale
 from .color_bar import Lines, color_bar
@@ -17,6 +18,7 @@ from .page import MM_PER_POINT, Fill, Page, Text, Tile
 from .plan import AUTO, BACKGROUNDS, GUTTER, MARGIN, OFF, Figure
 
 LABELS = "abcdefghijklmnopqrstuvwxyz"
+BODY_NAMES = {one.label: one.name for one in NAMES}  # those that Hide Table gives
 LEADING = 1.35  # from line to line, in font sizes
 BAR = 0.7  # mm: thickness of a scale bar
 WIDEST_BAR = 85.0  # mm: a color bar for the whole figure
@@ -305,14 +307,16 @@ def automatic_caption(draft: PageDraft) -> str:
 def _hidden_words(scene: Scene) -> str:
     """How many segments are hidden, and whether the background is; "" where nothing is.
 
-    Without the names of segments, which may say who the patient is.
+    Without the names of segments, which may say who the patient is, but for those that Hide Table gives.
     """
     if scene.labels is None:
         return ""
     hidden = {label for label, function in scene.labels.functions.items() if function is None}
     count = len(hidden - {BACKGROUND})
     segments = f"{count} segment{'s' * (count > 1)}" if count else ""
-    return " and ".join(filter(None, ("what is in no segment" * (BACKGROUND in hidden), segments)))
+    named = {one.label: one.name for one in scene.labels.volume.named_labels} | scene.labels.names
+    outside = "what lies beside the body" if named == BODY_NAMES else "what is outside all segments"
+    return " and ".join(filter(None, (outside * (BACKGROUND in hidden), segments)))
 
 
 def _function_words(scene: Scene) -> str:

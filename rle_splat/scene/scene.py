@@ -160,6 +160,9 @@ class Scene:
     reasons_off: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self):
+        for name in ("transfer_function", "camera"):  # fit_preset and turntable return them with more
+            if isinstance(getattr(self, name), tuple):
+                raise RleSplatError(f"The scene's {name} must be one object, not a tuple; take the tuple's first part.")
         if self.mode not in MODES:
             raise RleSplatError(f"There is no mode called {short(self.mode)}; choose {', '.join(MODES)}.")
         if not (self.mist is None or isinstance(self.mist, Mist)):
@@ -291,7 +294,7 @@ class Rendering:
         Returns
         -------
         ndarray of uint8
-            sRGB: (H, W, 3) over the background, or without one (H, W, 4) with straight alpha.
+            In sRGB: (H, W, 3) over the background, or without one (H, W, 4) with straight alpha.
         """
         return to_bytes(self.rgba, background if background is None else as_color(background, "The background"))
 

@@ -23,6 +23,7 @@ from rle_splat.figure.raster import draw
 from rle_splat.figure.svg import svg_text
 from rle_splat.scene import Clip, Labels, RleSplatError
 from rle_splat.scene.display import to_bytes
+from rle_splat.segment.body import NAMES
 from rle_splat.view.projection import world_to_pixel
 from rle_splat.volume.volume import Volume
 
@@ -250,8 +251,8 @@ def test_the_caption_counts_what_cuts(drawing):
 
 
 @pytest.mark.parametrize("hidden, words", (
-    ((0,), " Hidden: what is in no segment. "), ((1,), " Hidden: 1 segment. "),
-    ((0, 1, 2), " Hidden: what is in no segment and 2 segments. "),
+    ((0,), " Hidden: what is outside all segments. "), ((1,), " Hidden: 1 segment. "),
+    ((0, 1, 2), " Hidden: what is outside all segments and 2 segments. "),
 ))  # fmt: skip
 def test_the_caption_counts_hidden_segments(drawing, hidden, words):
     scene = drawing.scene()
@@ -260,6 +261,14 @@ def test_the_caption_counts_hidden_segments(drawing, hidden, words):
     caption = automatic_caption(PageDraft(Figure((Panel(replace(scene, labels=labels)),), drawing.style)))
     assert words in caption and "Of a patient" not in caption
     assert "Hidden" not in automatic_caption(PageDraft(Figure((Panel(scene),), drawing.style)))
+
+
+def test_the_caption_says_that_a_table_is_hidden(drawing):
+    scene = drawing.scene()
+    everywhere = Volume(np.ones(scene.volume.voxels.shape, np.uint8), scene.volume.affine, named_labels=NAMES)
+    labels = Labels(everywhere, {0: None})
+    caption = automatic_caption(PageDraft(Figure((Panel(replace(scene, labels=labels)),), drawing.style)))
+    assert " Hidden: what lies beside the body. " in caption
 
 
 # --- lettering --------------------------------------------------------------------------------------------------------
