@@ -47,7 +47,7 @@ IN_BONE = (42, 121, 59)  # a voxel, as a click finds it
 IN_WIRE = (40, 9, 94)
 IN_HEART = (76, 59, 77)
 IVORY = (0.72, 0.62, 0.46)  # of bone
-STEEL = (0.22, 0.24, 0.27)
+STEEL = (0.3, 0.33, 0.37)
 SHADED = 0.9  # the part of the slice that is lit
 
 
@@ -121,7 +121,7 @@ def heart(stage: Stage):
     _show(ours, "Background")
     ours.shift_by = 130.0  # HU: the sternum is apart
     _keep(ours, "Sternum", IN_WIRE, 3.0)
-    bpy.ops.rle_splat.threshold_segment(low=1600.0, high=ours.value_high)
+    bpy.ops.rle_splat.threshold_segment(low=1000.0, high=ours.value_high)
     ours.labels[ours.active_label].label_name = "Wires"
     _change(ours, "Wires", "GROW", 1.6)
     ours.shift_by = 80.0  # vessels and other bones are apart
