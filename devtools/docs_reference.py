@@ -130,6 +130,7 @@ def formats() -> str:
 
 
 SECTION = re.compile(r"^(\w[\w ]*)\n-{3,}$", re.MULTILINE)
+ENTRY = re.compile(r"^(\S.*)\n?((?:^(?:[ ]{4}.*)?\n?)*)", re.MULTILINE)  # of a section: a name, and what it means
 
 
 def python() -> str:
@@ -176,7 +177,7 @@ def _in_a_cell(text: str) -> str:
     parts = [_sentence(_prose(beginning.partition("\n\n")[0]))]
     for title, body in zip(sections[::2], sections[1::2]):
         if title in ("Parameters", "Returns"):
-            entries = re.findall(r"^(\S.*)\n?((?:^(?:[ ]{4}.*)?\n?)*)", body.strip("\n"), re.MULTILINE)
+            entries = ENTRY.findall(body.strip("\n"))
             said = "Returns " * (title == "Returns")
             parts += (said + _entry(head, rest).removeprefix("- ") for head, rest in entries)
     return "<br>".join(parts)
@@ -188,7 +189,7 @@ def _docstring(text: str) -> str:
     parts = [_prose(beginning)]
     for title, body in zip(sections[::2], sections[1::2]):
         parts.append(f"**{title}**")
-        entries = re.findall(r"^(\S.*)\n?((?:^(?:[ ]{4}.*)?\n?)*)", body.strip("\n"), re.MULTILINE)
+        entries = ENTRY.findall(body.strip("\n"))
         if title in ("Notes", "Examples", "See Also", "References"):
             parts.append(_prose(body))
         else:

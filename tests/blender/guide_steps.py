@@ -9,10 +9,12 @@ import bpy
 from mathutils import Euler, Matrix, Vector
 
 from tests.blender.user_steps import simulate
-from tests.blender.window_driver import SHOTS, area_of, new_file, photograph, window
+from tests.blender.window_driver import SHOTS, area_of, in_the_view, new_file, photograph, window
 
 DATA = Path(__file__).parent / "data"
 AORTA = "cta_aorta_labels"
+HEART = f"{AORTA}/cta_heart_aorta_120x126x164_int16.nii.gz"
+BRAIN, HEAD_MR = "flair_brain_124x160x140_uint8.nrrd", "t1_head_188x256x190_uint8.nii.gz"
 QUALITY = "70"
 SCANS = Path("/scans")  # of the small system: a path that a reader could have
 
@@ -71,3 +73,20 @@ def lamp(kind: str, name: str, energy: float, place, **settings) -> None:
     made = bpy.data.objects.new(name, data)
     bpy.context.scene.collection.objects.link(made)
     made.matrix_world = Matrix.Translation(place) @ Vector(place).to_track_quat("Z", "Y").to_matrix().to_4x4()
+
+
+def imported(preset: str, name: str, **given):
+    """A file of the data, or a folder, in a new file, shown by a preset; returns the volume."""
+    yield from begin()
+    with in_the_view():
+        if (DATA / name).is_dir():
+            assert bpy.ops.rle_splat.import_folder(directory=str(DATA / name)) == {"FINISHED"}
+        else:
+            assert bpy.ops.rle_splat.import_volume(filepath=str(DATA / name), at_cursor=True, **given) == {"FINISHED"}
+        assert bpy.ops.rle_splat.apply_preset(preset=preset) == {"FINISHED"}
+    volume = bpy.context.view_layer.objects.active
+    if not (DATA / name).is_dir():
+        volume.name = Path(name).name.split("_")[0].title()  # a short one
+    volume.select_set(False)  # a selected box is orange
+    area_of("VIEW_3D").spaces.active.overlay.show_relationship_lines = False
+    return volume

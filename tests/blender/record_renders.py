@@ -1,0 +1,165 @@
+"""Pictures of the guides on light and on renders, photographed in a real window.
+
+    python3 dev.py blender --photograph tests/blender/record_renders.py --size 1280x800
+
+writes how-to-*.jpg and readme-first.jpg into build/window-shots/record_renders.  In tests/blender/data are:
+``cta_aorta_labels``, the dissected aorta, and the files of BRAIN and HEAD_MR.
+"""
+
+import os
+import shutil
+import tempfile
+from math import radians
+from pathlib import Path
+
+import bpy
+from mathutils import Euler
+
+from tests.blender.guide_steps import (
+    BRAIN,
+    DATA,
+    HEAD_MR,
+    HEART,
+    activate,
+    bare,
+    begin,
+    imported,
+    keep,
+    lamp,
+    look_from,
+)
+from tests.blender.real_blender import MODULE
+from tests.blender.user_steps import scroll_sidebar, settled
+from tests.blender.window_driver import SHOTS, area_of, drive, in_the_view, open_panels, passed, wait_for_rest
+
+REPORT = "975x695+280+82"
+
+
+def lights():
+    """A brain under a key, a fill and a rim light, as the page of recipes has them, and the panel Lighting."""
+    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_shading")
+    volume = yield from imported("mr-brain", BRAIN)
+    scene, warm, cold = bpy.context.scene, (1.0, 0.93, 0.84), (0.62, 0.78, 1.0)
+    lamp("AREA", "Key", 2.4, (-0.28, -0.26, 0.26), size=0.2, color=warm)
+    lamp("AREA", "Fill", 0.24, (0.36, -0.24, 0.06), size=0.4, color=cold, use_shadow=False)
+    lamp("AREA", "Rim", 10.4, (0.18, 0.4, 0.18), size=0.2, color=cold)
+    volume.rle_splat.lighting, scene.rle_splat.ambient_occlusion, scene.rle_splat.quality = "SCENE", 0.7, "fine"
+    scene.view_settings.view_transform = "Standard"
+    bare()
+    activate(volume)
+    area_of("VIEW_3D").spaces.active.overlay.show_overlays = False
+    look_from(78.0, 28.0, 0.5)
+    yield from settled()
+    yield from keep("how-to-lighting")
+    passed("lights")
+
+
+def nodes():
+    """The compositor, as Show in Renders leaves it."""
+    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_picture")
+    yield from imported("mr-brain", BRAIN)
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    bpy.context.scene.collection.objects.link(camera)
+    bpy.context.scene.camera = camera
+    with in_the_view():
+        assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+    editor = area_of("VIEW_3D")
+    editor.ui_type = "CompositorNodeTree"
+    yield from wait_for_rest()
+    with bpy.context.temp_override(area=editor, region=next(one for one in editor.regions if one.type == "WINDOW")):
+        bpy.ops.node.view_all()
+    yield from wait_for_rest()
+    yield from keep("how-to-nodes", "860x470+60+125")
+    editor.ui_type = "VIEW_3D"
+    passed("nodes")
+
+
+def pinned():
+    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_picture")
+    volume = yield from imported("mr-head", HEAD_MR)
+    look_from(80.0, 35.0, 0.5)
+    yield from settled()
+    scene, region = bpy.context.scene, area_of("VIEW_3D").spaces.active.region_3d
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    camera.data.clip_start, camera.data.sensor_width = 0.01, 72.0  # that of a viewport
+    scene.collection.objects.link(camera)
+    scene.camera, camera.matrix_world = camera, region.view_matrix.inverted()
+    bare()
+    scene.render.resolution_x, scene.render.resolution_y = 800, 600
+    bpy.ops.mesh.primitive_torus_add(
+        location=(0.0, 0.0, 0.03), major_radius=0.125, minor_radius=0.004, major_segments=96
+    )
+    bpy.context.view_layer.objects.active.select_set(False)
+    activate(volume)
+    with in_the_view():
+        assert bpy.ops.rle_splat.set_backdrop(place="FRONT") == {"FINISHED"}
+    region.view_perspective = "CAMERA"
+    bpy.context.preferences.addons[MODULE].preferences.show_live = False  # the picture alone
+    yield
+    with in_the_view():
+        bpy.ops.view3d.view_center_camera()
+    yield from wait_for_rest()
+    yield from keep("how-to-backdrop")
+    bpy.context.preferences.addons[MODULE].preferences.show_live = True
+    passed("backdrop")
+
+
+def reported():
+    """The panels Effects and Last Report beside the view, of a heart without segments, under a sun with shadows."""
+    open_panels(*(f"RLE_SPLAT_PT_{name}" for name in ("advanced", "diagnostics", "effects", "report")))
+    yield from begin()
+    with in_the_view():
+        assert bpy.ops.rle_splat.import_volume(
+            filepath=str(DATA / HEART), preset="ct-angiography"
+        ) == {"FINISHED"}  # fmt: skip
+    volume = bpy.context.view_layer.objects.active
+    volume.select_set(False)
+    look_from(76.0, 20.0, 0.8)
+    scene, view = bpy.context.scene, area_of("VIEW_3D").spaces.active
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    scene.collection.objects.link(camera)
+    camera.data.clip_start = 0.01
+    scene.rle_splat.quality = "fine"
+    view.overlay.show_extras = view.overlay.show_relationship_lines = view.overlay.show_text = False
+    yield from settled()
+    scene.camera, camera.matrix_world = camera, view.region_3d.view_matrix.inverted()
+    activate(volume)
+    # As late as this, so that the view has not computed its light before.
+    lamp("SUN", "Sun", 3.0, (-0.3, -0.45, 0.4), angle=radians(3.0))
+    with in_the_view():
+        assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
+    yield from scroll_sidebar(60)
+    yield from keep("how-to-report", REPORT)
+    passed("report")
+
+
+def first_picture():
+    """The render that the README's steps make of its sample."""
+    yield from begin()
+    scene, camera = bpy.context.scene, bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    scene.world = bpy.data.worlds.new("World")  # as in a new file
+    scene.collection.objects.link(camera)
+    scan = shutil.copy(DATA / BRAIN, Path(tempfile.mkdtemp()) / "FLAIR.nrrd")
+    with in_the_view():
+        assert bpy.ops.rle_splat.import_volume(filepath=str(scan)) == {"FINISHED"}
+    scene.rle_splat.ambient_occlusion, scene.rle_splat.quality = 1.0, "strict"
+    view = area_of("VIEW_3D").spaces.active.region_3d
+    view.view_rotation, view.view_distance = Euler((1.2, 0.0, 0.6)).to_quaternion(), 0.88 * view.view_distance
+    yield from settled()
+    scene.camera, camera.matrix_world = camera, view.view_matrix.inverted()
+    with in_the_view():
+        assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+    scene.view_settings.view_transform, render = "Standard", scene.render
+    render.resolution_x, render.resolution_y, render.image_settings.file_format = 840, 560, "JPEG"
+    render.image_settings.quality, render.filepath = 84, str(Path(os.environ[SHOTS]) / "readme-first.jpg")
+    assert bpy.ops.render.render(write_still=True) == {"FINISHED"}
+    passed("first picture")
+
+
+def scenario():
+    bpy.context.preferences.system.use_region_overlap = False  # the sidebar stands beside the view
+    for part in (lights, nodes, pinned, reported, first_picture):
+        yield from part()
+
+
+drive(scenario)
