@@ -24,7 +24,7 @@ SHIPPED_FOLDERS = ("rle_splat", "bridge", "operators", "panels")
 NOT_SHIPPED = (
     "rle_splat/comparison", "rle_splat/cli/compare.py", "rle_splat/cli/cluster.py", "rle_splat/cli/cluster_worker.py",
 )  # fmt: skip
-SHIPPED_SUFFIXES = (".py", ".pyi", ".json", ".svg", ".png")
+SHIPPED_SUFFIXES = (".py", ".pyi", ".json", ".svg", ".png", ".txt")
 
 # The Extensions platform refuses larger files; and nobody likes to wait.
 LARGEST_ZIP_BYTES = 110 * 1000 * 1000

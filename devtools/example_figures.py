@@ -73,7 +73,7 @@ def command_lines(folder: Path) -> list[list[str]]:
     skull, views = skull_words(folder), [word for view in VIEWS for word in ("--view", *map(str, view))]
     brain = data_folder() / BRAIN
     turned = brain if brain.is_file() else skull[0]
-    page = ["figure", *skull, "--columns", "3", "--fit", "1", "--quality", "fine"]
+    page = ["figure", *skull, "--columns", "3", "--quality", "fine"]
     return [
         [*page, *views, "-o", str(folder / "figure-skull.svg"), "-o", str(folder / "figure-skull.png")],
         ["render", str(turned), "--frames", "1", str(TURN), "--turn", str(360 // TURN), "--elevation", "15", "--fit",

@@ -16,7 +16,7 @@ ELSEWHERE = ("edt",)  # wheels without a text: LGPL-3.0, whose text comes with c
 
 
 def bundled() -> list[dict]:
-    """Name, license and home page of each package, as in bridge/data/bundled.json."""
+    """Name, license and home page of each package, and of the font, as in bridge/data/bundled.json."""
     return json.loads(BUNDLED.read_text(encoding="utf-8"))
 
 

@@ -50,6 +50,12 @@ from .runtime.steps import Progress as Progress
 from .scene import Cancelled as Cancelled
 from .scene import RleSplatError as RleSplatError
 
+# figures
+from .figure.make import make_figure as make_figure
+from .cli.figure_files import write_figure as write_figure
+from .figure.plan import FigureStyle as FigureStyle
+from .figure.make import MadeFigure as MadeFigure
+
 # encoded volumes
 from .pipeline.encode_scene import encode as encode
 from .pipeline.encode_scene import encode_steps as encode_steps

@@ -16,7 +16,7 @@ from ..segment.body import map_steps
 from ..volume.checks import check_values
 from . import options
 from .appearance import read_transfer_function
-from .figure_files import FURTHER, check_figure_file, write_figure
+from .figure_files import FURTHER, check_figure_file, write_page
 from .figure_options import add_figure_options, list_panels, panels_of, style_from
 from .light_options import add_light_effect_options, check_light_effects, read_sky, with_light_effects
 from .mixing import add_mixing_options, hide_table, mix, mixing_inputs, read_further, read_mixing
@@ -85,7 +85,7 @@ def _write(args, made, remarks, sidecar: dict | None) -> list[str]:
     with whole_files([*targets, *([args.json] if args.json else [])]) as parts:
         for path, part in zip(args.output, parts):
             with writing(path):
-                write_figure(part, Path(path).suffix.lower(), made.page, canvas)
+                write_page(part, Path(path).suffix.lower(), made.page, canvas)
         if sidecar is not None:
             write_report(parts[len(args.output)], sidecar)
         if args.json:
@@ -146,7 +146,8 @@ def _make(args, line):
     if table is not None:
         panels = [replace(panel, scene=replace(panel.scene, labels=table)) for panel in panels]
         labels = DataSource(_use_slashes(args.volume), {BODY: True})
-    made = _render(Figure(tuple(panels), style), [quality] * wanted.count, line)
+    frames = args.fit is None and camera is None
+    made = _render(Figure(tuple(panels), style), [quality] * wanted.count, line, frames=frames)
     remarks = (*reasons, *further.remarks, *more, *made.remarks, *options.quality_remarks(args, quality))
     sources = Sources(
         DataSource(_use_slashes(args.volume), {**level_options(volume), **options.volume_options(args)}),
@@ -161,11 +162,17 @@ def _use_slashes(path) -> str:
     return Path(path).as_posix()
 
 
-def _render(figure: Figure, qualities, line):
+def _render(figure: Figure, qualities, line, *, frames: bool = False):
+    """Render a figure; ``frames``: with views that what is visible fills."""
+    from ..figure.framing import frame_steps
     from ..figure.make import figure_steps
+    from ..pipeline.stage_cache import StageCache
 
+    cache = StageCache()
     with line.compiling():
-        return line.follow(figure_steps(figure, qualities), start=0.1)
+        if frames:
+            figure = line.follow(frame_steps(figure, cache), start=0.1)
+        return line.follow(figure_steps(figure, qualities, cache), start=0.1)
 
 
 # --- the same figure again --------------------------------------------------------------------------------------------

@@ -1,16 +1,23 @@
 """Writing a figure's files; PDF with matplotlib, which is optional and never part of the extension."""
 
+from __future__ import annotations
+
 from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..figure.files import CONTENTS, check_suffix
+from ..figure.files import CONTENTS, PageCanvas, check_suffix
 from ..figure.page import MM_PER_POINT, Fill, Page, Stroke, Text, Tile
 from ..figure.raster import HALO
 from ..scene import RleSplatError
 from ..scene.display import encode_srgb, to_bytes
 from .images import write_whole, writer_for
 from .rows import ExrRows
+
+if TYPE_CHECKING:
+    from ..figure.make import MadeFigure
 
 PDF_FONT, PDF_FONT_SCALE = "DejaVu Sans", 0.88  # comes with matplotlib; it is wider than the lettering of the layout
 ALIGNMENTS = {"start": "left", "middle": "center", "end": "right"}
@@ -26,7 +33,26 @@ def check_figure_file(path) -> None:
         writer_for(path)
 
 
-def write_figure(path, suffix: str, page: Page, canvas) -> None:
+def write_figure(path, figure: MadeFigure) -> None:
+    """Write a figure to a file.
+
+    Parameters
+    ----------
+    path : str or Path
+        Its suffix is that of a format: .svg (letters and lines can be edited), .png, .pdf (needs matplotlib) or .exr
+        (needs OpenEXR).
+    figure : MadeFigure
+
+    Raises
+    ------
+    RleSplatError
+        If the suffix is unknown, or a package is missing.
+    """
+    check_figure_file(path)
+    write_page(path, Path(path).suffix.lower(), figure.page, PageCanvas(figure.page))
+
+
+def write_page(path, suffix: str, page: Page, canvas) -> None:
     """Write one file of a figure.
 
     Parameters

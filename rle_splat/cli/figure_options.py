@@ -24,8 +24,8 @@ def add_figure_options(parser) -> None:
         "--dpi", type=float, default=DEFAULT.dpi, metavar="N", help=f"pixels per inch (default {DEFAULT.dpi:g})"
     )
     page.add_argument(
-        "--aspect", type=float, default=DEFAULT.aspect, metavar="R",
-        help=f"width of a picture over its height (default {DEFAULT.aspect:g})")  # fmt: skip
+        "--aspect", type=float, metavar="R",
+        help="width of a picture over its height (default: of what is visible; with --fit or --camera 1)")  # fmt: skip
     page.add_argument("--columns", type=int, default=DEFAULT.columns, metavar="N",
                       help="pictures side by side (default: as many as rows, or one more)")  # fmt: skip
     page.add_argument(

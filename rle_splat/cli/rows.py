@@ -14,9 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ..figure.png import filter_rows, png_begin, png_chunk
 from ..scene import RleSplatError
 from ..scene.display import ROWS, to_levels
+from ..scene.png import filter_rows, png_begin, png_chunk
 
 LEVEL = 4  # of zlib's compression: on pictures of scans a higher one takes longer and saves little
 CLASSIC_MOST = 1 << 31  # bytes of voxels above which a TIFF is a BigTIFF, whose offsets have 64 bits

@@ -64,8 +64,14 @@ def value_text(value: float) -> str:
 
 
 def bar_range(function: TransferFunction) -> tuple[float, float]:
-    """The values of a color bar: from the first to the last point of the transfer function, or about a single one."""
+    """The values of a color bar: those that the transfer function shows, between the outermost of its points with an
+    opacity and their neighbors; about a single value where there is but one."""
     low, high = function.span
+    shown = [n for n, (_, alpha) in enumerate(function.opacity) if alpha > 0.0]
+    if shown and shown[0] > 0:
+        low = function.opacity[shown[0] - 1][0]
+    if shown and shown[-1] < len(function.opacity) - 1:
+        high = function.opacity[shown[-1] + 1][0]
     if high > low:
         return low, high
     around = max(abs(low), 1.0) * 0.5

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 
 from ..scene import RleSplatError
+from ..scene.png import png_bytes
 from .page import Page
-from .png import png_bytes
 from .raster import draw
 from .svg import svg_text
 

@@ -34,6 +34,10 @@ class ScaleBar:
     length: float
     label: str
 
+    def is_like(self, other) -> bool:
+        """Whether another bar, or None, is as long and says the same."""
+        return other is not None and other.label == self.label and math.isclose(other.length, self.length, rel_tol=1e-6)
+
 
 @dataclass(eq=False)
 class PageDraft:
@@ -54,6 +58,7 @@ class PageDraft:
         self.tile = first.width / self.per_mm, first.height / self.per_mm
         functions = {panel.scene.transfer_function.key for panel in self.figure.panels}
         self.several_functions = len(functions) > 1
+        self.shared_bar = None  # the scale bar of all panels, where they have the same
 
     def snap(self, place: float) -> float:
         """The nearest whole pixel, in mm."""
@@ -87,11 +92,13 @@ def lay_out(figure: Figure, pictures: list) -> tuple[Page, list[str]]:
     draft = PageDraft(figure)
     check_labels(figure, draft)
     bars = [scale_bar(panel.scene, draft) for panel in figure.panels]
+    if len(bars) > 1 and bars[0] is not None and all(map(bars[0].is_like, bars)):
+        draft.shared_bar, bars = bars[0], [None] * len(bars)
     y, columns = MARGIN, figure.columns
     for first in range(0, len(figure.panels), columns):
         row = range(first, min(first + columns, len(figure.panels)))
         y = _row(draft, row, pictures, bars, y)
-    y = _add_shared_bar(draft, y)
+    y = _add_shared_bars(draft, y)
     y = _caption(draft, y)
     height = math.ceil((y + MARGIN) * draft.per_mm)
     page = Page(figure.style.width, height, figure.style.dpi, draft.background, tuple(draft.items))
@@ -224,14 +231,18 @@ def _strip(draft: PageDraft, n: int, bar: ScaleBar | None, x: float, y: float, l
     """Scale bar, and window and level, below a picture that ends at ``y``."""
     size, window = draft.size, _window_text(draft, n)
     if bar is not None:
-        middle = y + 0.95 * size
-        corners = ((x, middle - 0.5 * BAR), (x + bar.length, middle - 0.5 * BAR),
-                   (x + bar.length, middle + 0.5 * BAR), (x, middle + 0.5 * BAR))  # fmt: skip
-        draft.items.append(Fill(corners, draft.ink))
-        draft.items.append(Text(x + bar.length + 0.6 * size, middle + 0.36 * size, bar.label, size, draft.ink))
+        _scale_bar(draft, bar, x, y, bar.label)
     if window:
         baseline = y + 1.31 * size + (lines - 1) * LEADING * size
         draft.items.append(Text(x + draft.tile[0], baseline, window, size, draft.ink, anchor="end"))
+
+
+def _scale_bar(draft: PageDraft, bar: ScaleBar, x: float, y: float, label: str) -> None:
+    size, middle = draft.size, y + 0.95 * draft.size
+    corners = ((x, middle - 0.5 * BAR), (x + bar.length, middle - 0.5 * BAR),
+               (x + bar.length, middle + 0.5 * BAR), (x, middle + 0.5 * BAR))  # fmt: skip
+    draft.items.append(Fill(corners, draft.ink))
+    draft.items.append(Text(x + bar.length + 0.6 * size, middle + 0.36 * size, label, size, draft.ink))
 
 
 # --- color bars and caption -------------------------------------------------------------------------------------------
@@ -244,12 +255,15 @@ def _color_bar(draft: PageDraft, scene: Scene, x: float, y: float, width: float)
     draft.items += color_bar(
         function, length, volume.value_unit, (x, y, width), 0.9 * draft.size, draft.per_mm, draft.ink
     )
-    if scene.labels is not None or scene.channels:
+    if scene.channels or (scene.labels is not None and any(scene.labels.functions.values())):
         draft.remark("The color bar is that of the volume; labels and channels have further colors.")
 
 
-def _add_shared_bar(draft: PageDraft, y: float) -> float:
-    """Add one color bar for a figure with one transfer function; return where it ends."""
+def _add_shared_bars(draft: PageDraft, y: float) -> float:
+    """Add the scale bar and the color bar that all panels share; return where they end."""
+    if draft.shared_bar is not None:
+        _scale_bar(draft, draft.shared_bar, MARGIN, y + 0.3 * draft.size, f"{draft.shared_bar.label}, all panels")
+        y += (LEADING + 0.7) * draft.size
     if draft.several_functions or not draft.figure.style.color_bar:
         return y
     width = min(draft.figure.style.width / draft.per_mm - 2.0 * MARGIN, WIDEST_BAR)

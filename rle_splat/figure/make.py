@@ -1,17 +1,25 @@
 """Makes a figure: renders its panels and lays them out."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from ..pipeline.render import render_steps
 from ..pipeline.stage_cache import StageCache
-from ..runtime.steps import Progress, map_steps
-from ..scene import Quality, Rendering
+from ..runtime.steps import Progress, drain, map_steps
+from ..scene import Quality, Rendering, RleSplatError, Scene
+from ..scene.png import png_bytes
+from ..scene.quality import as_quality
+from .framing import frame_steps
 from .layout import PageDraft, automatic_caption, check_labels, lay_out, scale_bar
 from .lettering import check_text
 from .page import Page
-from .plan import Figure
+from .plan import Figure, FigureStyle, Panel, tile_size
+from .raster import draw
 
 LAYOUT = 0.97  # share of the work until the page is laid out
+FINER = 2  # rendered pixels along each side of a pixel of the figure: edges are smooth in their mean
+MOST_FINER = 1 << 25  # rendered pixels of a panel; larger ones are printed so finely that nobody sees steps
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,7 +29,7 @@ class MadeFigure:
     Attributes
     ----------
     renderings : tuple of Rendering
-        Of its panels.
+        Of its panels, most of them with twice as many pixels along each side as on the page.
     remarks : tuple of str
         What the figure does not show, and what its pictures are worth a remark for.
     """
@@ -30,6 +38,55 @@ class MadeFigure:
     page: Page
     renderings: tuple[Rendering, ...]
     remarks: tuple[str, ...]
+
+    def _repr_png_(self) -> bytes:
+        """The page in a notebook."""
+        return png_bytes(draw(self.page), self.page.dpi, self.page.background)
+
+    def __repr__(self) -> str:
+        count = len(self.renderings)
+        return f"<MadeFigure of {count} panel{'s' * (count > 1)}, {self.page.width} x {self.page.height} pixels>"
+
+
+def make_figure(
+    scenes, titles=(), style: FigureStyle | None = None, quality: Quality | None = None, *, frame: bool = True
+) -> MadeFigure:
+    """Make a figure for print: pictures with letters, scale bar, color bar and caption.
+
+    Parameters
+    ----------
+    scenes : Scene or sequence of Scene
+        One for each panel. The style decides on the sizes of the pictures; those of the scenes do not count.
+    titles : sequence of str
+        One for each panel, or none.
+    style : FigureStyle, optional
+    quality : Quality, optional
+        Left out, the quality "standard".
+    frame : bool
+        Whether orthographic views are moved and get one scale at which what is visible fills the pictures; else they
+        are those of the cameras.
+
+    Returns
+    -------
+    MadeFigure
+        For ``write_figure``; notebooks show it.
+
+    Raises
+    ------
+    RleSplatError
+        If a panel cannot be rendered, a text has no letters, or something that was asked for cannot be shown.
+    """
+    scenes = [scenes] if isinstance(scenes, Scene) else list(scenes)
+    style = FigureStyle() if style is None else style
+    titles = list(titles) or [""] * len(scenes)
+    if len(titles) != len(scenes):
+        raise RleSplatError(f"There are {len(titles)} titles for {len(scenes)} scenes; give one for each, or none.")
+    pixels = dict(zip(("width", "height"), tile_size(style, max(len(scenes), 1))))
+    panels = tuple(Panel(replace(scene, **pixels), title) for scene, title in zip(scenes, titles))
+    figure, cache = Figure(panels, style), StageCache()
+    if frame:
+        figure = drain(frame_steps(figure, cache))
+    return drain(figure_steps(figure, [as_quality(quality)] * len(panels), cache))
 
 
 def figure_steps(figure: Figure, qualities, cache: StageCache | None = None):
@@ -53,7 +110,9 @@ def figure_steps(figure: Figure, qualities, cache: StageCache | None = None):
     for n, (panel, quality) in enumerate(zip(figure.panels, qualities, strict=True)):
         renderings.append((yield from _panel_steps(panel.scene, quality, cache, n, count)))
     yield Progress(LAYOUT, "Laying out the figure")
-    page, remarks = lay_out(figure, [rendering.rgba for rendering in renderings])
+    page, remarks = lay_out(
+        figure, [_shrink(one.rgba, _times(panel.scene)) for one, panel in zip(renderings, figure.panels)]
+    )
     said = [remark for rendering in renderings for remark in rendering.report["remarks"]]
     return MadeFigure(figure, page, tuple(renderings), tuple(dict.fromkeys((*remarks, *said))))
 
@@ -77,4 +136,18 @@ def _panel_steps(scene, quality: Quality, cache: StageCache, n: int, count: int)
     def show_step(step: Progress) -> Progress:
         return Progress(LAYOUT * (n + step.fraction) / count, which + step.message)
 
-    return (yield from map_steps(render_steps(scene, quality, cache), show_step))
+    times = _times(scene)
+    finer = replace(scene, width=times * scene.width, height=times * scene.height)
+    return (yield from map_steps(render_steps(finer, quality, cache), show_step))
+
+
+def _times(scene) -> int:
+    """How many pixels are rendered along each side of a pixel of a panel."""
+    of_pixels = scene.crop is not None or scene.ray_ends is not None
+    return 1 if of_pixels or FINER**2 * scene.width * scene.height > MOST_FINER else FINER
+
+
+def _shrink(rgba: np.ndarray, times: int) -> np.ndarray:
+    """The means of squares of so many pixels along each side."""
+    height, width = rgba.shape[:2]
+    return rgba.reshape(height // times, times, width // times, times, 4).mean(axis=(1, 3))

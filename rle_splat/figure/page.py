@@ -49,7 +49,7 @@ class Stroke:
 
 @dataclass(frozen=True)
 class Fill:
-    """A filled convex polygon through ``points``, ((x, y), ...) in mm, in a scene-linear color."""
+    """A filled polygon through ``points``, ((x, y), ...) in mm, in a scene-linear color."""
 
     points: tuple
     color: tuple

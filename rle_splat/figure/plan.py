@@ -36,8 +36,9 @@ class FigureStyle:
         Lettering is white on black, else black.
     font_size : float
         Points.
-    aspect : float
-        Width of a panel's picture over its height.
+    aspect : float or None
+        Width of a panel's picture over its height; None for the shape of what is visible where that fills the pictures,
+        and else 1.
     caption : str or None
         Below the panels; "" for none, None for one that says what is seen.
     scale_bar : float or {"auto", "off"}
@@ -47,6 +48,8 @@ class FigureStyle:
         is the middle of the volume.
     sides : {"auto", "letters", "cube", "off"}
         The patient's sides: letters at the edges, or a cube. "auto" is letters where the file knows the sides.
+    color_bar : bool
+        Whether colors and opacity over the values are shown.
     """
 
     width_cm: float = 17.0
@@ -54,7 +57,7 @@ class FigureStyle:
     columns: int = 0
     background: str = "white"
     font_size: float = 8.0
-    aspect: float = 1.0
+    aspect: float | None = None
     caption: str | None = None
     scale_bar: float | str = AUTO
     scale_depth: float | str | None = None
@@ -64,6 +67,8 @@ class FigureStyle:
     def __post_init__(self):
         for name, (least, most) in LIMITS.items():
             value = getattr(self, name)
+            if name == "aspect" and value is None:
+                continue
             if not (is_finite_number(value) and least <= value <= most):
                 what = name.replace("_", " ")
                 raise RleSplatError(f"The figure's {what} must be from {least:g} to {most:g}, not {short(value)}.")
@@ -168,7 +173,7 @@ def tile_size(style: FigureStyle, count: int) -> tuple[int, int]:
     columns = columns_of(style, count)
     gaps = round(GUTTER * style.pixels_per_mm) * (columns - 1) + 2 * round(MARGIN * style.pixels_per_mm)
     width = (style.width - gaps) // columns
-    height = round(width / style.aspect)
+    height = round(width / (style.aspect or 1.0))
     if min(width, height) < LEAST_TILE:
         raise RleSplatError(
             f"{columns} panels side by side leave {max(width, 0)} x {max(height, 0)} pixels for each; make the figure "

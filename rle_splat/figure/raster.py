@@ -3,11 +3,12 @@
 import numpy as np
 
 from ..scene import RleSplatError
-from .lettering import stroke_width, strokes_of
+from .lettering import outlines_of
 from .page import Fill, Page, Stroke, Text, Tile
 
 ANCHOR_SHARES = {"start": 0.0, "middle": 0.5, "end": 1.0}
-HALO = 0.16  # width of a halo on each side, in font sizes
+HALO = 0.1  # width of a halo on each side, in font sizes
+BOLD = 0.035  # width of the line around letters that makes them bold, in font sizes
 TINY = 1e-24  # square of a length in pixels that counts as none
 REACH = 1.0  # pixels beyond an edge that its anti-aliasing may touch
 
@@ -31,7 +32,7 @@ def draw(page: Page) -> np.ndarray:
         elif isinstance(item, Stroke):
             _ink(canvas, _line_cover(canvas.shape, [_pixels(item.points, page)], item.width, page), item.color)
         elif isinstance(item, Fill):
-            _ink(canvas, _polygon_cover(canvas.shape, _pixels(item.points, page)), item.color)
+            _ink(canvas, _area_cover(canvas.shape, [_pixels(item.points, page)]), item.color)
     return canvas
 
 
@@ -52,13 +53,15 @@ def _put(canvas: np.ndarray, tile: Tile, page: Page) -> None:
 
 
 def _write(canvas: np.ndarray, text: Text, page: Page) -> None:
-    strokes, width = strokes_of(text.text, text.size)
+    outlines, width = outlines_of(text.text, text.size)
     left = text.x - ANCHOR_SHARES[text.anchor] * width
-    lines = [_pixels(stroke * (1.0, -1.0) + (left, text.y), page) for stroke in strokes]
-    thick = stroke_width(text.size, text.bold)
+    lines = [_pixels(outline * (1.0, -1.0) + (left, text.y), page) for outline in outlines]
+    borders = [np.concatenate((line, line[:1])) for line in lines]
     if text.halo is not None:
-        _ink(canvas, _line_cover(canvas.shape, lines, thick + 2.0 * HALO * text.size, page), text.halo)
-    _ink(canvas, _line_cover(canvas.shape, lines, thick, page), text.color)
+        _ink(canvas, _line_cover(canvas.shape, borders, 2.0 * HALO * text.size, page), text.halo)
+    if text.bold:
+        _ink(canvas, _line_cover(canvas.shape, borders, BOLD * text.size, page), text.color)
+    _ink(canvas, _area_cover(canvas.shape, lines), text.color)
 
 
 def _ink(canvas: np.ndarray, covered, color) -> None:
@@ -116,20 +119,38 @@ def _distance(across, down, line: np.ndarray) -> np.ndarray:
     return np.sqrt((x * x + y * y).min(axis=0))
 
 
-def _polygon_cover(shape, points: np.ndarray):
-    """How much of each pixel a convex polygon covers, from the distances to its sides; exact along the axes."""
-    window = _bounds(shape, points, REACH)
+def _area_cover(shape, polygons: list):
+    """How much of each pixel is inside closed polygons, (n, 2) pixels; those within others, turned around, are holes.
+
+    Exact: each edge is cut where it leaves a pixel. A piece covers what is right of it, down its height.
+    """
+    window = _bounds(shape, np.concatenate(polygons), REACH) if polygons else None
     if window is None:
         return None
-    across, down = _middles(*window)
-    following = np.roll(points, -1, axis=0)
-    turn = np.sign(np.sum(points[:, 0] * following[:, 1] - following[:, 0] * points[:, 1]))
-    inside = []
-    for begin, end in zip(points, following):
-        along = (end - begin) / max(float(np.hypot(*(end - begin))), 1e-12)
-        distance = turn * (along[0] * (down - begin[1]) - along[1] * (across - begin[0]))
-        inside.append(np.clip(distance + 0.5, 0.0, 1.0))
-    cover = np.ones(np.broadcast_shapes(*(one.shape for one in inside)))
-    for one in inside:
-        cover = np.minimum(cover, one)
-    return (*window, cover.astype(np.float32))
+    rows, columns = window
+    height, width = rows.stop - rows.start, columns.stop - columns.start
+    begin = np.concatenate(polygons) - (columns.start, rows.start)
+    along = np.concatenate([np.roll(polygon, -1, axis=0) - polygon for polygon in polygons])
+    edges, places = [np.repeat(np.arange(len(begin)), 2)], [np.tile([0.0, 1.0], len(begin))]
+    for axis in range(2):
+        ends = np.stack((begin[:, axis], begin[:, axis] + along[:, axis]))
+        first = np.floor(ends.min(axis=0)) + 1.0
+        counts = np.maximum(np.ceil(ends.max(axis=0)) - first, 0.0).astype(int)
+        edge = np.repeat(np.arange(len(begin)), counts)
+        line = first[edge] + np.arange(edge.size) - np.repeat(np.cumsum(counts) - counts, counts)
+        edges.append(edge)
+        places.append((line - begin[edge, axis]) / along[edge, axis])
+    edge, place = np.concatenate(edges), np.concatenate(places)
+    order = np.lexsort((place, edge))
+    edge, place = edge[order], place[order]
+    same = edge[1:] == edge[:-1]
+    middle = begin[edge[1:]] + 0.5 * (place[1:] + place[:-1])[:, None] * along[edge[1:]]
+    down = (place[1:] - place[:-1]) * along[edge[1:], 1]
+    row = np.floor(middle[:, 1]).astype(int)
+    kept = same & (row >= 0) & (row < height)
+    x = np.clip(middle[kept, 0], 0.0, width)
+    column = np.minimum(x.astype(int), width - 1)
+    covers = np.zeros((height, width + 1))
+    np.add.at(covers, (row[kept], column), down[kept] * (column + 1.0 - x))
+    np.add.at(covers, (row[kept], column + 1), down[kept] * (x - column))
+    return rows, columns, np.minimum(np.abs(np.cumsum(covers[:, :-1], axis=1)), 1.0).astype(np.float32)

@@ -6,8 +6,8 @@ from xml.sax.saxutils import escape, quoteattr
 import numpy as np
 
 from ..scene.display import encode_srgb
+from ..scene.png import png_bytes
 from .page import Fill, Page, Stroke, Text, Tile
-from .png import png_bytes
 from .raster import HALO
 
 FONT = "Arial, Helvetica, 'Liberation Sans', sans-serif"

@@ -18,6 +18,7 @@ from .errors import RleSplatError
 from .further_volumes import Channel, Labels, is_same_grid
 from .light import Light
 from .mist import Mist
+from .png import png_bytes
 
 if TYPE_CHECKING:
     from ..classify.transfer_function import TransferFunction
@@ -297,6 +298,10 @@ class Rendering:
             In sRGB: (H, W, 3) over the background, or without one (H, W, 4) with straight alpha.
         """
         return to_bytes(self.rgba, background if background is None else as_color(background, "The background"))
+
+    def _repr_png_(self) -> bytes:
+        """The picture in a notebook, transparent where nothing is."""
+        return png_bytes(self.rgba)
 
     def __repr__(self) -> str:
         height, width = self.depth.shape

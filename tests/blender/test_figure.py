@@ -53,7 +53,7 @@ def test_pictures_and_linear_files(ball, core, tmp_path):
     pixels = np.empty(width * height * 4, np.float32)
     image.pixels.foreach_get(pixels)
     linear = pixels.reshape(height, width, 4)[::-1]
-    assert (tmp_path / "fig.png").read_bytes() == core("figure.png").png_bytes(linear, 60.0)
+    assert (tmp_path / "fig.png").read_bytes() == core("scene.png").png_bytes(linear, 60.0)
     bpy.data.images.remove(image)
 
 

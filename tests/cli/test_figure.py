@@ -57,7 +57,7 @@ def test_a_picture_that_cannot_be_written_is_named(tmp_path, monkeypatch):
     def break_off(*_):
         raise OSError("2 requested and 1 written")  # as numpy has it of a full disk
 
-    monkeypatch.setattr(figure_command, "write_figure", break_off)
+    monkeypatch.setattr(figure_command, "write_page", break_off)
     args = SimpleNamespace(output=[str(tmp_path / "fig.exr")], json=None)
     with pytest.raises(RleSplatError, match=r"^Cannot write .*fig\.exr: not all of it could be written; choose"):
         figure_command._write(args, SimpleNamespace(page=None), (), None)

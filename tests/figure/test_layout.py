@@ -2,6 +2,8 @@
 
 import base64
 import io
+import json
+import unicodedata
 from dataclasses import replace
 from xml.etree import ElementTree
 
@@ -12,17 +14,20 @@ from rle_splat.classify.presets import PRESETS, fit_preset, preset
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.figure.color_bar import bar_range, color_bar
 from rle_splat.figure.directions import cube, edge_letters, view_name
-from rle_splat.figure.glyphs import GLYPHS
+from rle_splat.figure.framing import frame_steps
 from rle_splat.figure.layout import PageDraft, automatic_caption
-from rle_splat.figure.lettering import check_text, strokes_of, text_width, wrap
-from rle_splat.figure.make import figure_steps
+from rle_splat.figure.lettering import FONT, check_text, outlines_of, text_width, wrap
+from rle_splat.figure.make import figure_steps, make_figure
 from rle_splat.figure.page import Fill, Page, Stroke, Text, Tile
 from rle_splat.figure.plan import Figure, FigureStyle, Panel, tile_size
-from rle_splat.figure.png import png_bytes
-from rle_splat.figure.raster import draw
+from rle_splat.figure.raster import _area_cover, draw
 from rle_splat.figure.svg import svg_text
-from rle_splat.scene import Clip, Labels, RleSplatError
+from rle_splat.pipeline.render import render
+from rle_splat.pipeline.stage_cache import StageCache
+from rle_splat.runtime.steps import drain
+from rle_splat.scene import Clip, Labels, Quality, RleSplatError
 from rle_splat.scene.display import to_bytes
+from rle_splat.scene.png import png_bytes
 from rle_splat.segment.body import NAMES
 from rle_splat.view.projection import world_to_pixel
 from rle_splat.volume.volume import Volume
@@ -274,22 +279,76 @@ def test_the_caption_says_that_a_table_is_hidden(drawing):
 # --- lettering --------------------------------------------------------------------------------------------------------
 
 
-def test_every_character_has_strokes_within_its_width():
-    for character, (width, _) in GLYPHS.items():
-        strokes, advance = strokes_of(character, 9.8)
-        assert (len(strokes) > 0) == (character != " ")
-        assert advance == pytest.approx(width + 0.84)
-        for stroke in strokes:
-            assert stroke[:, 0].min() > -0.6 and stroke[:, 0].max() < advance + 0.6, character
-            assert stroke[:, 1].min() > -2.6 and stroke[:, 1].max() < 8.0, character
+# Widths of Helvetica in thousandths of an em, from Adobe's metrics of the font; Arial and SVG programs have them, too.
+HELVETICA = {
+    "A": 667,
+    "i": 222,
+    "m": 833,
+    "W": 944,
+    "0": 556,
+    " ": 278,
+    "g": 556,
+    "%": 889,
+    "@": 1015,
+    "Ä": 667,
+    "°": 400,
+}
+
+
+@pytest.mark.parametrize("character", HELVETICA)
+def test_letters_are_as_wide_as_those_of_svg(character):
+    assert text_width(character, 1000.0) == pytest.approx(HELVETICA[character], abs=1.0)
+    assert text_width(f"x{character}", 3.0) == pytest.approx(text_width("x", 3.0) + text_width(character, 3.0))
+
+
+def test_every_character_has_outlines_within_a_line():
+    for character in json.loads(FONT.read_text(encoding="utf-8"))["glyphs"]:
+        outlines, width = outlines_of(character, 1.0)
+        assert bool(outlines) == (unicodedata.category(character) != "Zs"), character
+        for outline in outlines:
+            assert -0.4 < outline[:, 0].min() and outline[:, 0].max() < width + 0.4, character
+            assert -0.35 < outline[:, 1].min() and outline[:, 1].max() < 1.15, character
 
 
 def test_accents_are_drawn_and_unknown_characters_refused():
-    plain, marked = strokes_of("A", 1.0)[0], strokes_of("Ä", 1.0)[0]
+    plain, marked = outlines_of("A", 1.0)[0], outlines_of("Ä", 1.0)[0]
     assert len(marked) == len(plain) + 2 and marked[-1][:, 1].min() > plain[0][:, 1].max()
-    assert check_text("Größe: 5 µm – «x»".replace("«x»", "x"), "A text")
+    assert np.array_equal(outlines_of("A\u0308", 1.0)[0][-1], marked[-1]), "composed of a letter and a mark"
+    assert check_text("Größe: 5 µm – «x» Ελλάδα, Москва, Việt Nam, ≤ 3", "A text")
     with pytest.raises(RleSplatError, match="A text has the character '漢'"):
         check_text("a漢b", "A text")
+
+
+def _cover(polygons, width=12, height=10):
+    rows, columns, cover = _area_cover((height, width), [np.array(one, float) for one in polygons])
+    whole = np.zeros((height, width))
+    whole[rows, columns] = cover
+    return whole
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_areas_cover_what_points_within_them_say(seed):
+    """A star with a hole, partly outside: against 64 x 64 points a pixel, each within the side that its angle meets."""
+    rng = np.random.default_rng(seed)
+    middle, angles = np.array([6.0, 5.0]), 2.0 * np.pi * (np.arange(11) + rng.uniform(0.0, 0.8, 11)) / 11
+    star = rng.uniform(2.0, 6.5, (11, 1)) * np.stack((np.cos(angles), np.sin(angles)), axis=1)
+    steps = (np.arange(64) + 0.5) / 64
+    x, y = np.meshgrid((np.arange(12)[:, None] + steps).ravel() - 6.0, (np.arange(10)[:, None] + steps).ravel() - 5.0)
+    side = (np.searchsorted(angles, np.arctan2(y, x) % (2.0 * np.pi)) - 1) % 11
+    (ax, ay), (bx, by) = star[side].transpose(2, 0, 1), star[(side + 1) % 11].transpose(2, 0, 1)
+    inside = [(bx - ax) * (y - share * ay) - (by - ay) * (x - share * ax) > 0.0 for share in (1.0, 0.4)]
+    wanted = (inside[0] & ~inside[1]).reshape(10, 64, 12, 64).mean(axis=(1, 3))
+    assert np.abs(_cover([star + middle, 0.4 * star[::-1] + middle]) - wanted).max() < 0.02
+
+
+def test_areas_are_exact():
+    box = [(1.25, 2.5), (4.0, 2.5), (4.0, 5.75), (1.25, 5.75)]
+    cover = _cover([box])
+    assert cover[2:6, 1:4] == pytest.approx(np.outer([0.5, 1.0, 1.0, 0.75], [0.75, 1.0, 1.0]))
+    assert cover.sum() == pytest.approx(2.75 * 3.25)
+    assert _cover([[(-3.0, 1.0), (20.0, 1.0), (20.0, 2.5), (-3.0, 2.5)]])[:3] == pytest.approx(
+        np.repeat([[0.0], [1.0], [0.5]], 12, axis=1)
+    )
 
 
 @pytest.mark.parametrize(
@@ -338,3 +397,78 @@ def test_a_figure_needs_panels_of_one_size_and_room(drawing):
         tile_size(FigureStyle(width_cm=2.0, dpi=50.0, columns=9), 9)
     with pytest.raises(RleSplatError, match="lower its dpi"):
         tile_size(FigureStyle(width_cm=100.0, dpi=2400.0), 1)
+
+
+# --- figures of the Python interface ----------------------------------------------------------------------------------
+
+
+def test_what_is_visible_fills_the_pictures_at_one_scale(drawing, balls):
+    """Two balls 11 mm apart, each 5 mm across: 16 by 5 mm from the front, 5 by 5 mm from the side."""
+    front, side = (drawing.scene(balls(), view={"azimuth": azimuth, "fit": 3.0}) for azimuth in (0.0, 90.0))
+    made = make_figure([front, side], ("front", "side"), drawing.style, Quality.preset("draft"))
+    panels = made.figure.panels
+    assert [panel.title for panel in panels] == ["front", "side"]
+    assert len({panel.scene.camera.ortho_scale for panel in panels}) == 1
+    shares = []
+    for one in made.renderings:
+        seen = np.argwhere(one.rgba[..., 3] > 0.02)
+        low, high = seen.min(axis=0), seen.max(axis=0) + 1
+        middle = 0.5 * (low + high) / one.rgba.shape[:2]
+        assert middle == pytest.approx([0.5, 0.5], abs=0.03)
+        shares.append((high - low) / one.rgba.shape[:2])
+    assert shares[0][1] == pytest.approx(1.0 / 1.16, abs=0.04), "the widest fills its picture, with room for letters"
+    assert shares[0][1] / shares[1][1] == pytest.approx(16.0 / 5.0, rel=0.15), "the other has the same scale"
+    assert made.figure.style.aspect == 1.5
+    unmoved = make_figure(front, style=drawing.style, quality=Quality.preset("draft"), frame=False)
+    assert np.array_equal(unmoved.figure.panels[0].scene.camera.matrix_world, front.camera.matrix_world)
+
+
+def test_an_empty_or_perspective_view_is_left_as_it_is(drawing, balls):
+    empty = drawing.scene(balls(), function=replace(RED, opacity=((0.0, 0.0), (100.0, 0.0))))
+    perspective = drawing.scene(balls(), style=drawing.style, view={"perspective": True})
+    for scene in (empty, perspective):
+        figure = Figure((Panel(scene),), drawing.style)
+        assert drain(frame_steps(figure, StageCache())) is figure
+
+
+def test_pictures_are_the_means_of_finer_ones(drawing, balls):
+    scene = drawing.scene(balls())
+    made = drawing.made(scene)
+    (tile,) = (item for item in made.page.items if isinstance(item, Tile) and item.rgba.shape[0] == scene.height)
+    finer = render(replace(scene, width=2 * scene.width, height=2 * scene.height), Quality.preset("draft")).rgba
+    wanted = 0.25 * (finer[::2, ::2] + finer[1::2, ::2] + finer[::2, 1::2] + finer[1::2, 1::2])
+    assert np.abs(tile.rgba - wanted).max() < 1e-6 and wanted.max() > 0.5
+
+
+def _lengths(made) -> list[str]:
+    return [item.text for item in made.page.items if isinstance(item, Text) and item.text[:1].isdigit()]
+
+
+def test_equal_scale_bars_are_drawn_once(drawing, balls):
+    volume, other = balls(), balls(affine=np.diag((2.0, 2.0, 2.0, 1.0)))
+    same = drawing.made(drawing.scene(volume, count=2), drawing.scene(volume, count=2, view={"azimuth": 90.0}))
+    assert [text for text in _lengths(same) if "mm" in text] == ["5 mm, all panels"]
+    several = drawing.made(drawing.scene(volume, count=2), drawing.scene(other, count=2))
+    assert [text for text in _lengths(several) if "mm" in text] == ["5 mm", "10 mm"]
+
+
+def test_a_color_bar_shows_the_values_that_are_visible():
+    bone = replace(STEPS, opacity=((-1000.0, 0.0), (150.0, 0.0), (300.0, 0.5), (900.0, 0.0), (3000.0, 0.0)))
+    assert bar_range(bone) == (150.0, 900.0)
+    assert bar_range(replace(bone, opacity=((150.0, 0.2), (900.0, 0.5)))) == (-100.0, 900.0), "its span"
+
+
+def test_notebooks_show_figures_and_renderings(drawing, balls):
+    made = drawing.made(drawing.scene(balls()))
+    Image = pytest.importorskip("PIL.Image")
+    assert Image.open(io.BytesIO(made._repr_png_())).size == (made.page.width, made.page.height)
+    rendering = made.renderings[0]
+    assert np.array_equal(np.asarray(Image.open(io.BytesIO(rendering._repr_png_()))), rendering.to_srgb())
+
+
+@pytest.mark.parametrize(
+    "titles, sentence", [(("a", "b"), "There are 2 titles for 1 scenes"), (("\u6f22",), "A title of the figure has")]
+)
+def test_titles_must_fit_the_scenes(drawing, titles, sentence):
+    with pytest.raises(RleSplatError, match=sentence):
+        make_figure(drawing.scene(), titles, drawing.style)

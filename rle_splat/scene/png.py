@@ -5,15 +5,14 @@ import zlib
 
 import numpy as np
 
-from ..scene import as_color
-from ..scene.display import to_bytes
-from .page import MM_PER_INCH
+from .checks import as_color
+from .display import to_bytes
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
 COLOR_TYPES = {3: 2, 4: 6}  # channels -> the format's number for truecolor, and for truecolor with alpha
 PERCEPTUAL = b"\x00"  # rendering intent
 LEVEL = 6  # of the compression
-MM_PER_METER = 1000.0
+INCH = 0.0254  # m
 
 
 def png_bytes(rgba: np.ndarray, dpi: float = 300.0, background=None) -> bytes:
@@ -37,7 +36,7 @@ def png_bytes(rgba: np.ndarray, dpi: float = 300.0, background=None) -> bytes:
     """
     pixels = to_bytes(rgba, background if background is None else as_color(background, "The background"))
     height, width, channels = pixels.shape
-    per_meter = round(dpi / MM_PER_INCH * MM_PER_METER)
+    per_meter = round(dpi / INCH)
     return b"".join((
         png_begin(width, height, channels),
         png_chunk(b"pHYs", struct.pack(">IIB", per_meter, per_meter, 1)),
