@@ -29,8 +29,8 @@ def frame_steps(figure: Figure, cache: StageCache):
     Returns
     -------
     Figure
-        With the same scale in all panels, and a style with an aspect. Unchanged where a camera is not orthographic, pixels belong to a picture
-        of a certain size (a crop, ends of rays), or nothing is visible.
+        With the same scale in all panels, and a style with an aspect. Unchanged where a camera is not orthographic,
+        pixels belong to a picture of a certain size (a crop, ends of rays), or nothing is visible.
     """
     scenes = [panel.scene for panel in figure.panels]
     of_pixels = any(scene.crop is not None or scene.ray_ends is not None for scene in scenes)
