@@ -457,7 +457,7 @@ END = "<!-- end of the generated part -->"
 GENERATED = re.compile(rf"^<!-- generated: ([a-z -]+) -->$.*?^{END}$", re.MULTILINE | re.DOTALL)
 HOW_TO = ROOT / "docs" / "how-to"
 WITH_VERSION = (
-    ROOT / "blender_manifest.toml", HOW_TO / "install.md", HOW_TO / "render-headless.md", ROOT / "README.md"
+    ROOT / "blender_manifest.toml", HOW_TO / "install.md", HOW_TO / "blender-without-a-window.md", ROOT / "README.md"
 )  # fmt: skip
 VERSION = re.compile(
     r'(?<=^version = ")[\d.]+(?="$)|(?<=\brle_splat-)[\d.]+(?=-)|(?<=\[Version )[\d.]+(?=\])', re.MULTILINE

@@ -6,6 +6,7 @@ the data folder (``RLE_SPLAT_DATA``); without it, the practice scan.
 
 from __future__ import annotations
 
+import io
 import json
 import math
 import os
@@ -24,8 +25,9 @@ from .gallery_pictures import save_jpeg
 from .places import OUT, ROOT
 
 FOLDER = OUT / "figures"
+TUTORIAL = ROOT / "docs" / "tutorial" / "first-picture-from-the-command-line.md"
 SKULL = "dicom_ct_skull_phantom_512x512x140"
-BRAIN = "flair_brain_124x160x140_uint8.nrrd"
+BRAIN, HEAD = "flair_brain_124x160x140_uint8.nrrd", "t1_head_188x256x190_uint8.nii.gz"
 VIEWS = ((0, 0), (90, 0), (180, 0))  # azimuth and elevation
 OBLIQUE = ("--azimuth", "30", "--elevation", "15", "--fit", "0.95")
 SMALL, POSTER, EYE = 360, 3600, (735, 2470)  # pixels: a picture's side, a poster's, and where a part of it begins
@@ -33,7 +35,9 @@ PYTHON = 480  # pixels: a side of the pictures of the page on Python
 TILE, WORKERS = 90, ("#4477aa", "#ee6677", "#228833", "#ccbb44")  # pixels; a color for each
 MOST_BYTES, BLACK, GRAY = 80_000, (0.0, 0.0, 0.0), "#303030"
 TURN, MILLISECONDS = 60, 66  # frames of the turntable, and how long each is shown
-FIRST = "--ambient-occlusion", "1", "--world", "0.3", "0.3", "0.33", "--fit", "0.9", "--quality", "fine"
+FIRST = "--fit", "0.9", "--quality", "fine"
+TURNED = "--azimuth", "35", "--elevation", "20"
+LIT = "--shadows", "--world", "0.15", "0.15", "0.18", "--ambient-occlusion", "1", "--lights"
 CLOSE = ("--azimuth", "30", "--elevation", "20", "--fit", "0.42", "--size", "400")
 OPENING, FRONT, BACK, DARK = 40, -105.0, 5.0, (0.03, 0.03, 0.035)  # frames; mm from the middle; a color
 STEPS = (  # of the strip, after the slices: pictures of the documentation, and the part of each
@@ -68,6 +72,14 @@ def skull_words(folder: Path) -> list[str]:
     return [str(series), *opaque_bone(folder)]
 
 
+def _sun_of_the_tutorial(folder: Path) -> str:
+    """The file that the tutorial of the command line tells to write."""
+    (text,) = re.findall(r"^```json\n(.*?)^```", TUTORIAL.read_text(encoding="utf-8"), re.M | re.S)
+    path = folder / "sun.json"
+    path.write_text(text, encoding="utf-8")
+    return str(path)
+
+
 def command_lines(folder: Path) -> list[list[str]]:
     """The figures, a turntable, and a part of the skull in two qualities."""
     skull, views = skull_words(folder), [word for view in VIEWS for word in ("--view", *map(str, view))]
@@ -81,8 +93,8 @@ def command_lines(folder: Path) -> list[list[str]]:
          "--quality", "fine", "-o", str(folder / "turn.png")],
         *(["render", *skull, *CLOSE, "--quality", quality, "-o", str(folder / f"how-to-{quality}.png")]
           for quality in ("draft", "fine")),
-        *(["render", str(turned), *FIRST, *view, "--size", "512", "-o", str(folder / f"{name}.png")]
-          for name, view in (("out", ()), ("side", ("--azimuth", "35", "--elevation", "20")))),
+        *(["render", str(turned), *FIRST, *more, "--size", "512", "-o", str(folder / f"{name}.png")]
+          for name, more in (("out", ()), ("side", (*TURNED, *LIT, _sun_of_the_tutorial(folder))))),
         ["render", *skull, *OBLIQUE, "--size", str(SMALL), "-o", str(folder / "whole.png")],
         ["render", *skull, *OBLIQUE, "--size", str(SMALL), "--level", "2", "-o", str(folder / "coarse.png")],
         ["render", *skull, *OBLIQUE, "--size", str(POSTER), "--crop", *map(str, EYE), *(str(at + SMALL) for at in EYE),
@@ -173,8 +185,11 @@ def example_of_the_readme(folder: Path) -> None:
     if not scan.is_file():
         return
     (code,) = re.findall(r"^```python\n(.*?)^```", (ROOT / "README.md").read_text(encoding="utf-8"), re.M | re.S)
-    made = folder / "readme-python.png"
-    exec(code.replace("scan.nii.gz", scan.as_posix()).replace("out.png", made.as_posix()), {})
+    made, names = folder / "readme-python.png", {}
+    for name in ("out.png", "figure.svg"):
+        code = code.replace(name, (folder / name).as_posix())
+    exec(code.replace("scan.nii.gz", scan.as_posix()), names)
+    made.write_bytes(names["figure"]._repr_png_())
     save_jpeg(Image.open(made).convert("RGB"), made.with_suffix(".jpg"), MOST_BYTES)
 
 
@@ -201,6 +216,7 @@ def from_parts(folder: Path) -> None:
     picture_and_depth(folder)
     opening(folder)
     example_of_the_readme(folder)
+    effects(folder)
     strip(folder)
 
 
@@ -213,6 +229,16 @@ def slices(series: Path) -> Image.Image:
     sheet = np.vstack([np.hstack([one.pixel_array for one in some[n : n + 4]]) for n in range(0, 12, 4)])
     values = sheet * float(files[0].RescaleSlope) + float(files[0].RescaleIntercept)
     return Image.fromarray(np.uint8(np.clip((values + 1000.0) * (255.0 / 2000.0), 0.0, 255.0)))
+
+
+def effects(folder: Path) -> None:
+    """how-to-effects.jpg: see ``effect_figure``; with the data folder alone."""
+    from .effect_figure import make
+
+    scans = [data_folder() / name for name in (BRAIN, HEAD, SKULL)]
+    if all(scan.exists() for scan in scans):
+        png = make(*scans, folder / "bone.json")._repr_png_()
+        save_jpeg(Image.open(io.BytesIO(png)).convert("RGB"), folder / "how-to-effects.jpg", 2 * MOST_BYTES)
 
 
 def strip(folder: Path) -> None:
