@@ -33,7 +33,7 @@ DROPPED_SUFFIXES = (*dict.fromkeys(
     "." + suffix.rpartition(".")[2] for entry in FORMATS if entry.is_dropped for suffix in entry.suffixes),
     encoded.SUFFIX)  # fmt: skip
 CHOOSING, BODY = 0.8, 0.85  # shares of the time until the transfer function is chosen, and the body is sought
-HIDDEN = "Everything but the body is hidden; the eye of Background in the Segments panel shows it."
+HIDDEN = "All but the body is hidden; the eye of Background shows it."
 DICOM, TIFF = (next(entry for entry in FORMATS if entry.name == name) for name in ("DICOM", "TIFF"))
 # Options that are numbers, and the switch that leaves each to the file.
 NUMBERS = (("series", "use_only_series"), ("frame", "use_first_frame"), ("level", "use_fitting_level"))

@@ -19,7 +19,7 @@ FOLDER = Path(__file__).parent
 OURS = "RLE Splat"
 # Sentences that the renderer composes, and what may stand in their fields REASONS; the first one that fits counts.
 COMPOSED = (
-    "The preset {name} was chosen because {reason}.",
+    "Preset {name}: {reason}.",
     "the modality is {modality} and the name of the volume contains {word}",
     "the modality of the volume is {modality}",
     "the name of the volume contains {word}",

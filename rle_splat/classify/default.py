@@ -81,7 +81,7 @@ def default_transfer_function_steps(volume: Volume):
     for name, reason in _proposals(volume, spread, has_contrast):
         function, _ = yield from fit_preset_steps(name, volume)
         if VISIBLE_SHARE <= _measure_shown_share(function, spread) <= CROWDED_SHARE:
-            return function, f"The preset {PRESETS[name].label} was chosen because {reason}."
+            return function, f"Preset {PRESETS[name].label}: {reason}."
     return _from_histogram(volume, spread)
 
 
@@ -93,7 +93,7 @@ def default_channel_function_steps(channel: Volume):
     if channel.modality != "PT":
         return (yield from default_transfer_function_steps(channel))
     function, _ = yield from fit_preset_steps(ADDED_PET, channel)
-    return function, f"The preset {PRESETS[ADDED_PET].label} was chosen because the channel is a PET."
+    return function, f"Preset {PRESETS[ADDED_PET].label}: the channel is a PET."
 
 
 def _contrast_steps(volume: Volume):

@@ -199,6 +199,7 @@ def smoothness():
 
 def table():
     yield from head()
+    area_of("VIEW_3D").spaces.active.overlay.show_overlays = False  # without box and letters
     yield from settled()
     yield from keep("table", HEAD)
     with in_the_view():
@@ -242,7 +243,7 @@ def surface():
     """A brain, and the mesh of its surface."""
     volume = yield from imported("mr-brain", BRAIN)
     bare()
-    area_of("VIEW_3D").spaces.active.overlay.show_extras = False  # without the box
+    area_of("VIEW_3D").spaces.active.overlay.show_overlays = False  # without box and letters
     look_from(78.0, 30.0, 0.5)
     with in_the_view():
         assert bpy.ops.rle_splat.extract_surface(of="OPACITY") == {"FINISHED"}
@@ -255,6 +256,7 @@ def surface():
     made.modifiers.new("Decimate", "DECIMATE").ratio = 0.15
     volume.hide_set(True)
     view.shading.color_type = "VERTEX"
+    view.overlay.show_overlays, view.overlay.show_extras = True, False
     view.overlay.show_wireframes, view.overlay.wireframe_threshold, view.overlay.wireframe_opacity = True, 1.0, 0.4
     yield from wait_for_rest()
     yield from keep("mesh", HEAD)

@@ -109,6 +109,8 @@ def tutorial_of_organs():
     yield from settled()
     yield from wait_for_rest()
     yield from keep("organs-2-imported")
+    view.overlay.show_overlays = False  # without box and letters
+    yield from wait_for_rest()
     yield from keep("whole", ORGANS)
     ours = volume.rle_splat
     false = next(n for n, row in enumerate(ours.labels) if row.label_name == "aorta_false_lumen")
@@ -120,6 +122,7 @@ def tutorial_of_organs():
     yield from settled()
     yield from keep("alone", ORGANS)
     beside("how-to-isolate", "whole", "alone")
+    view.overlay.show_overlays = True
     with in_the_view():
         assert bpy.ops.rle_splat.add_slice(kind="axial") == {"FINISHED"}
     bpy.context.view_layer.objects.active.rle_splat.slice_position = GROUND

@@ -86,7 +86,7 @@ def test_modality_and_body_part_choose_the_preset(modality, name, choice):
     z, y, x = np.mgrid[-1:1:24j, -1:1:24j, -1:1:24j]
     ball = np.clip(1000 * (1.2 - np.sqrt(x * x + y * y + z * z)), 0, 1200).astype(np.int16)
     reason = default_transfer_function(Volume(ball, np.eye(4), modality=modality, name=name))[1]
-    assert (f"preset {PRESETS[choice].label} was" in reason) if choice else "preset" not in reason
+    assert (reason.startswith(f"Preset {PRESETS[choice].label}: ")) if choice else "reset" not in reason
 
 
 @pytest.mark.parametrize("modality", [None, "MR"])
@@ -95,4 +95,4 @@ def test_a_brain_is_shown_where_all_else_was_removed(modality):
     voxels[4:20, 4:20, 4:20] = np.arange(200, 600, 100)[:, None, None].repeat(4, axis=0)
     for whole, choice in ((voxels, "mr-brain"), (np.pad(voxels[:20], [(4, 0), (0, 0), (0, 0)]), "mr-head")):
         reason = default_transfer_function(Volume(whole, np.eye(4), modality=modality, name="sub-01_flair"))[1]
-        assert f"preset {PRESETS[choice].label} was" in reason
+        assert reason.startswith(f"Preset {PRESETS[choice].label}: ")
