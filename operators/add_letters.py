@@ -36,7 +36,7 @@ class RLE_SPLAT_OT_add_letters(LoadsFirst, bpy.types.Operator):
         depths = depths_of(frame, box.world_corners(owner))
         if not depths or min(depths) + max(depths) <= 0.0:
             return refuse(self, "The camera does not see the volume; turn it to the volume.")
-        for one in [one for one in scene.objects if one.get(letters.MARK) == owner.name and letters.SEGMENT not in one]:
+        for one in [one for one in scene.objects if letters.is_letter(one, owner)]:
             bpy.data.objects.remove(one)
         material = new_emission()
         for name, data, parent, matrix in (*_letters(owner, scene, frame), *_bar(owner, scene, frame, depths)):
@@ -52,7 +52,7 @@ def _letters(owner, scene, frame):
     They stand beside what is visible, as the camera sees it, so that the volume does not hide them: at the depth of its
     middle, and not outside the picture where that can be.
     """
-    corners = _visible_corners(owner, scene)
+    corners = visible_corners(owner, scene)
     placed = [(letter, frame.inverted() @ Vector(place.tolist()))
               for letter, place in letters.placed_letters(owner, corners)]  # fmt: skip
     corners = np.array([frame.inverted() @ Vector(corner) for corner in corners.tolist()])
@@ -78,7 +78,7 @@ def _letters(owner, scene, frame):
             yield letter, new_text(letter), owner, Matrix.Translation(place) @ turn
 
 
-def _visible_corners(owner, scene) -> np.ndarray:
+def visible_corners(owner, scene) -> np.ndarray:
     """The corners of the box around what is visible, in world space; of the whole volume where that is not known."""
     try:
         volume = volumes.load_volume(owner)

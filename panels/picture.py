@@ -64,6 +64,7 @@ def _draw_files(layout) -> None:
     layout.operator("rle_splat.bake_volume", icon="VOLUME_DATA")
     layout.operator("rle_splat.add_letters", icon="FONT_DATA")
     layout.operator("rle_splat.add_names", icon="OUTLINER_OB_FONT")
+    layout.operator("rle_splat.pick_label", icon="EYEDROPPER")
 
 
 def _draw_quality(context, layout) -> None:

@@ -28,6 +28,7 @@ APART = 0.04  # distance from the face, as a fraction of the box's length along 
 FONT = 0  # Blender's own
 MARK = "rle_splat_letters"  # custom property of lettering that is objects: the name of the volume that it is for
 SEGMENT = "rle_splat_segment"  # of the names of segments: the number of theirs
+POINT = "rle_splat_point"  # of labels: the point that they are for, in the space of the volume's object
 
 
 def placed_letters(volume_object, part=None) -> list:
@@ -81,6 +82,11 @@ def letters_beside(corners: np.ndarray, middle: np.ndarray, axes: list) -> list:
         if abs(along) <= ALONG and all(abs(across.dot(other)) <= ALIKE for _, other, _ in found):
             found.append((n, across, float(np.abs((corners - middle) @ np.array(across)).max())))
     return found
+
+
+def is_letter(one, owner) -> bool:
+    """Whether an object is an orientation letter, or a part of the scale bar, of a volume."""
+    return one.get(MARK) == owner.name and SEGMENT not in one and POINT not in one
 
 
 def has_objects(volume_object) -> bool:

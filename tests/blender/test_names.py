@@ -1,4 +1,5 @@
-"""Names of segments in a picture: where their lines lead, what is left out, and what a second press keeps."""
+"""Names of segments and labels of points in a picture: where their lines lead, what is left out, and what a second
+press keeps."""
 
 import math
 from importlib import import_module
@@ -164,5 +165,68 @@ def test_without_shown_segments_or_with_too_many_it_says_so(owner, refused, monk
     refused(bpy.ops.rle_splat.add_names, "No segment is shown")
     for row in owner.rle_splat.labels:
         row.show = True
-    monkeypatch.setattr(import_module(f"{scenes.MODULE}.operators.add_names"), "STEP", 0.6)
-    refused(bpy.ops.rle_splat.add_names, "room for 2 names; hide some")
+    monkeypatch.setattr(import_module(f"{scenes.MODULE}.operators.callout_objects"), "STEP", 0.6)
+    refused(bpy.ops.rle_splat.add_names, "room for 2; hide or delete some")
+
+
+# --- labels of points -------------------------------------------------------------------------------------------------
+
+TIP, SIDE = 0.001 * np.array((24.0, 2.0, 26.0)), 0.001 * np.array((10.0, 19.0, 24.0))  # of the liver and a kidney, m
+
+
+def add_label(text: str, point) -> set:
+    return bpy.ops.rle_splat.add_label(text=text, point=tuple(point))
+
+
+@pytest.mark.parametrize("kind", ["PERSP", "ORTHO"])
+def test_a_label_has_a_line_to_its_point(owner, kind):
+    look(kind)
+    assert add_label("  Tip of the  liver ", TIP) == {"FINISHED"}
+    (text, (place, end)), *others = names().items()
+    assert text == "Tip of the liver" and not others
+    assert end == pytest.approx(seen(TIP), abs=1e-4)
+    assert place[0] < seen(0.001 * np.array((5.0, 24.0, 24.0)))[0], "it stands beside what is visible"
+
+
+def test_labels_and_names_share_the_sides_of_a_picture(owner):
+    look()
+    assert bpy.ops.rle_splat.add_names() == {"FINISHED"}
+    before = names()
+    for number in range(3):
+        assert add_label(f"Cyst {number}", SIDE) == {"FINISHED"}
+    found = names()
+    assert set(found) == {*before, "Cyst 0", "Cyst 1", "Cyst 2"}
+    for text, (_, end) in before.items():
+        assert found[text][1] == pytest.approx(end, abs=1e-4), "lines of names lead where they led"
+    for side in (0, 1):
+        heights = sorted(place[1] for place, _ in found.values() if (place[0] > 0.5) == bool(side))
+        assert np.diff(heights).min(initial=1.0) > 0.03, "texts lie over one another"
+
+
+def test_labels_follow_their_points_and_outlast_letters_and_names(owner):
+    look()
+    assert add_label("Cyst", SIDE) == {"FINISHED"}
+    next(one for one in bpy.context.scene.objects if one.type == "FONT").data.body = "Zyste"
+    owner.location.x += 0.004
+    bpy.context.scene.camera.location.z += 0.01
+    bpy.context.view_layer.update()
+    assert bpy.ops.rle_splat.add_letters() == {"FINISHED"}
+    assert bpy.ops.rle_splat.add_names() == {"FINISHED"}
+    bpy.context.view_layer.update()
+    (line,) = (one for one in bpy.context.scene.objects if one.type == "CURVE" and "rle_splat_point" in one)
+    end = seen(line.matrix_world @ line.data.splines[0].points[1].co.to_3d())
+    assert end == pytest.approx(seen(SIDE + (0.004, 0.0, 0.0)), abs=1e-4)
+    texts = [one.data.body for one in bpy.context.scene.objects if one.type == "FONT" and "rle_splat_point" in one]
+    assert texts == ["Zyste"]
+
+
+def test_a_label_without_a_text_or_out_of_the_picture_is_refused_and_others_stay(owner, refused):
+    look()
+    assert add_label("Cyst", SIDE) == {"FINISHED"}
+    refused(bpy.ops.rle_splat.add_label, "has no text", text="  ", point=tuple(TIP))
+    refused(bpy.ops.rle_splat.add_label, "does not see the point", text="Far", point=(0.0, -9.0, 0.0))
+    refused(bpy.ops.rle_splat.pick_label, "needs a click in a window")
+    bpy.context.scene.camera.rotation_euler.z += math.radians(180.0)
+    bpy.context.view_layer.update()
+    refused(bpy.ops.rle_splat.add_label, "does not see the point", text="Tip", point=tuple(TIP))
+    assert {one.data.body for one in bpy.context.scene.objects if one.type == "FONT"} == {"Cyst"}

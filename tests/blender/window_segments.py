@@ -167,8 +167,23 @@ def check_names():
         yield from press_button(f"bpy.ops.rle_splat.{command}")
         yield from settled()
     yield from photograph("names")
-    texts = {one.data.body for one in scene.objects if one.type == "FONT"}
-    assert {"R", "L", "S", "I"} <= texts and len([text for text in texts if len(text) > 1]) == 2, texts
+    assert {"R", "L", "S", "I"} <= texts() and len([text for text in texts() if len(text) > 1]) == 2, texts()
+    yield from press_button("bpy.ops.rle_splat.pick_label")
+    region = region_of(area_of("VIEW_3D"), "WINDOW")
+    x, y = region.x + region.width // 2, region.y + region.height // 2
+    yield from click((x, y))
+    for key in (*"CYST", "RET", "RET"):  # the text, its end, and the end of the dialog
+        window().event_simulate(type=key, value="PRESS", unicode=key.lower() if len(key) == 1 else "", x=x, y=y)
+        yield
+        window().event_simulate(type=key, value="RELEASE", x=x, y=y)
+        yield
+    yield from until(lambda: "cyst" in texts())
+    yield from settled()
+    yield from photograph("labeled")
+
+
+def texts() -> set:
+    return {one.data.body for one in bpy.context.scene.objects if one.type == "FONT"}
 
 
 def scenario():
