@@ -94,14 +94,6 @@ RECIPES = (
 )
 
 
-def _add_lights(kind: str) -> None:
-    """Add Lights as in a view from the front, not from the camera, which stands a little beside it."""
-    scene = bpy.context.scene
-    camera, scene.camera = scene.camera, None
-    bpy.ops.rle_splat.add_lights(kind=kind)
-    scene.camera = camera
-
-
 def _light_studio(stage: Stage) -> None:
     softbox_world(((0.002, 0.002, 0.002), (0.006, 0.0065, 0.0075), (0.03, 0.033, 0.04)), SOFTBOXES)
     stage.volume.rle_splat.lighting, stage.settings.ambient_occlusion = "SCENE", 1.0
@@ -136,7 +128,7 @@ def lamps(stage: Stage):
     bpy.ops.rle_splat.apply_preset(preset="mr-brain")
     stage.camera((0.9, -1.7, 0.35), 84.0)
     yield "headlight"
-    _add_lights("THREE")
+    bpy.ops.rle_splat.add_lights(kind="THREE")
     lights = [bpy.data.objects[name] for name in ("Key", "Fill", "Rim")]
     for one in lights:
         one.hide_render = True
@@ -171,7 +163,7 @@ def light(stage: Stage):
         if recipe.light == STUDIO:
             _light_studio(stage)
         else:
-            _add_lights(recipe.light)
+            bpy.ops.rle_splat.add_lights(kind=recipe.light)
         yield f"{recipe.name}-after"
         stage.settings.ambient_occlusion = stage.settings.indirect_light = 0.0
         bpy.context.scene.world = None

@@ -37,10 +37,10 @@ class RLE_SPLAT_OT_add_lights(LoadsFirst, bpy.types.Operator):
             ("THREE", "Three Lights", "Add a key light from the upper left, a weak fill light and a bright rim light"),
             ("BONE", "Bone", "Add a sun from the upper left and a bluish rim light, for fractures and implants"),
             ("SOFT", "Soft", "Add two large soft lights from the left and the right, for anatomy"),
-            ("SKIN", "Skin", "Add a warm light from behind and a weaker one from the front, which scatter in skin"),
+            ("SKIN", "Skin", "Add a warm light from the right and behind and a weaker one from the left, which scatter "
+             "in skin"),
             ("SMOKE", "Smoke", "Add an orange sun from the right and a blue one from the left"),
-            ("SPECIMEN", "Specimen", "Add a low sun from the left, which shows the texture of a surface, and a rim "
-             "light"),
+            ("SPECIMEN", "Specimen", "Add a sun from the left, which shows the texture of a surface, and a rim light"),
         ],
     )  # fmt: skip
 

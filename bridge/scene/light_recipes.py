@@ -2,7 +2,7 @@
 
 A place is (right, away, up) from the middle of the volume: to the right of the picture, away from the viewer, and up in
 the picture.  Lengths are shares of the volume's longest side.  Watts are those of a side of one world unit: they grow
-with its square.
+with its square.  The guide's pictures are made with these lights, see devtools/gallery_light.py.
 """
 
 from dataclasses import dataclass, field
@@ -67,46 +67,46 @@ SMOOTHEST = 0.015  # of the longest side: a recipe's smoothness is at most this,
 RECIPES = {
     "THREE": Recipe(
         (
-            RecipeLight("Key", "AREA", 60.0, (-1.4, -1.3, 1.3), PALE),
-            RecipeLight("Fill", "AREA", 6.0, (1.8, -1.2, 0.3), COLD, size=2.0, casts_shadow=False),
-            RecipeLight("Rim", "AREA", 260.0, (0.9, 2.0, 0.9), COLD),
+            RecipeLight("Key", "AREA", 60.0, (-1.85, -0.72, 1.19), PALE),
+            RecipeLight("Fill", "AREA", 6.0, (1.03, -1.93, -0.05), COLD, size=2.0, casts_shadow=False),
+            RecipeLight("Rim", "AREA", 260.0, (1.73, 1.16, 1.13), COLD),
         ),
         _settings(ambient_occlusion=0.7),
     ),
     "BONE": Recipe(
         (
-            RecipeLight("Sun", "SUN", 4.2, (-1.4, -1.3, 1.3), PALE, size=SUN),
-            RecipeLight("Rim", "AREA", 80.0, (1.6, 1.4, 0.8), COLD),
+            RecipeLight("Sun", "SUN", 4.2, (-1.71, -1.11, 1.1), PALE, size=SUN),
+            RecipeLight("Rim", "AREA", 80.0, (1.93, 0.72, 0.97), COLD),
         ),
         _settings(ambient_occlusion=0.7),
     ),
     "SOFT": Recipe(
         (
-            RecipeLight("Key", "AREA", 60.0, (-1.4, -1.4, 1.3), PALE),
-            RecipeLight("Fill", "AREA", 28.0, (1.7, -1.2, 0.5), COOL),
+            RecipeLight("Key", "AREA", 60.0, (-1.73, -1.17, 1.11), PALE),
+            RecipeLight("Fill", "AREA", 28.0, (1.3, -1.69, 0.21), COOL),
         ),
         _settings(ambient_occlusion=0.4),
     ),
     "SKIN": Recipe(
         (
-            RecipeLight("Rim", "SPOT", 320.0, (1.5, 1.0, 0.3), WARM, size=0.2),
-            RecipeLight("Key", "SPOT", 170.0, (-1.2, -1.5, 0.7), COOL, size=0.3),
+            RecipeLight("Rim", "SPOT", 320.0, (1.72, 0.46, 0.41), WARM, size=0.2),
+            RecipeLight("Key", "SPOT", 170.0, (-1.57, -1.23, 0.44), COOL, size=0.3),
         ),
         _settings(indirect_light=0.5),
         {"smoothness": 3.5, "specular": 0.0},
     ),
     "SMOKE": Recipe(
         (
-            RecipeLight("Warm Sun", "SUN", 9.0, (1.5, -0.6, 0.3), ORANGE, size=0.009),
-            RecipeLight("Cold Sun", "SUN", 9.0, (-1.5, -0.6, 0.8), BLUE, size=0.009),
+            RecipeLight("Warm Sun", "SUN", 9.0, (1.27, -1.03, 0.08), ORANGE, size=0.009),
+            RecipeLight("Cold Sun", "SUN", 9.0, (-1.61, -0.33, 0.75), BLUE, size=0.009),
         ),
         _settings(),
         {"use_shading": True, "ambient": 0.1, "diffuse": 1.0},
     ),
     "SPECIMEN": Recipe(
         (
-            RecipeLight("Sun", "SUN", 3.6, (-1.6, -0.3, 0.7), WARM, size=SUN),
-            RecipeLight("Rim", "AREA", 110.0, (1.5, 1.2, 0.4), COLD),
+            RecipeLight("Sun", "SUN", 3.6, (-1.62, -0.43, 0.58), WARM, size=SUN),
+            RecipeLight("Rim", "AREA", 110.0, (1.78, 0.15, 0.81), COLD),
         ),
         _settings(ambient_occlusion=0.7),
     ),

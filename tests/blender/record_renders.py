@@ -36,12 +36,12 @@ REPORT = "975x695+280+82"
 
 
 def lights():
-    """A brain under the three lights of Add Lights, added in a view from the front, and the panel Lighting."""
+    """A brain under the three lights of Add Lights, and the panel Lighting."""
     open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_shading")
     volume = yield from imported("mr-brain", BRAIN)
     scene = bpy.context.scene
     activate(volume)
-    look_from(90.0, 0.0, 1.0)
+    look_from(78.0, 28.0, 0.5)
     yield from settled()
     with in_the_view():
         assert bpy.ops.rle_splat.add_lights(kind="THREE") == {"FINISHED"}
@@ -49,7 +49,6 @@ def lights():
     scene.view_settings.view_transform = "Standard"
     bare()
     area_of("VIEW_3D").spaces.active.overlay.show_overlays = False
-    look_from(78.0, 28.0, 0.5)
     yield from settled()
     yield from keep("how-to-lighting")
     passed("lights")

@@ -74,8 +74,8 @@ def test_the_kinds_of_the_operator_are_the_recipes(bridge):
 
 def test_without_a_camera_the_key_is_at_the_upper_left_of_the_front(owner):
     lights = add()
-    np.testing.assert_allclose(toward(lights["Key"]), (-1.4, -1.3, 1.3), atol=1e-5)
-    np.testing.assert_allclose(toward(lights["Rim"]), (0.9, 2.0, 0.9), atol=1e-5)
+    np.testing.assert_allclose(toward(lights["Key"]), (-1.85, -0.72, 1.19), atol=1e-5)
+    np.testing.assert_allclose(toward(lights["Rim"]), (1.73, 1.16, 1.13), atol=1e-5)
 
 
 @pytest.mark.parametrize("angles", [(math.pi / 2, 0.0, math.pi / 2), (0.0, 0.0, 0.0), (0.7, 0.4, -2.0)])
@@ -84,8 +84,8 @@ def test_the_key_is_at_the_upper_left_of_the_cameras_picture(owner, angles):
     camera.scale = (2.0, 2.0, 2.0)
     right, up, back = np.array(camera.rotation_euler.to_matrix()).T
     lights = add()
-    np.testing.assert_allclose(toward(lights["Key"]), -1.4 * right + 1.3 * up + 1.3 * back, atol=1e-5)
-    np.testing.assert_allclose(toward(lights["Rim"]), 0.9 * right + 0.9 * up - 2.0 * back, atol=1e-5)
+    np.testing.assert_allclose(toward(lights["Key"]), -1.85 * right + 1.19 * up + 0.72 * back, atol=1e-5)
+    np.testing.assert_allclose(toward(lights["Rim"]), 1.73 * right + 1.13 * up - 1.16 * back, atol=1e-5)
 
 
 @pytest.mark.parametrize("factor", [1.0, 0.25])
@@ -108,7 +108,7 @@ def test_where_the_file_is_gone_the_middle_of_the_box_counts(owner, bridge, tmp_
     scenes.activate(bpy.data.objects["ball"])
     key = add()["Key"]
     place = (np.array(key.matrix_world.translation) - (6.0, 6.0, 6.0)) / SIDE
-    np.testing.assert_allclose(place, (-1.4, -1.3, 1.3), atol=1e-5)
+    np.testing.assert_allclose(place, (-1.85, -0.72, 1.19), atol=1e-5)
 
 
 def test_a_second_run_replaces_its_own_lights_and_nothing_else(owner):
