@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 
 import bpy
 from gallery_data import DATA
-from gallery_studio import COLD, WARM, Stage, softbox_world, view_transform
-from mathutils import Matrix, Vector
+from gallery_studio import Stage, softbox_world, view_transform
+from mathutils import Matrix
 
 SKULL, HEAD = "dicom_ct_skull_phantom_512x512x140", "t1_head_188x256x190_uint8.nii.gz"
 AORTA = "cta_aorta_labels/cta_heart_aorta_120x126x164_int16.nii.gz"
@@ -26,10 +26,6 @@ BARE = {
 }
 LOWEST = {AORTA: 130.0, LOBSTER: 40.0}  # values of the part that is kept
 
-SIDE = 0.23  # m, of the scans that the page on recipes has numbers for
-GLOW = (1.0, 0.8, 0.6)  # warmer than WARM
-COOL = (0.85, 0.92, 1.0)  # on skin, which COLD makes gray
-
 
 @dataclass(frozen=True)
 class Recipe:
@@ -37,66 +33,35 @@ class Recipe:
 
     name: str
     file: str
-    light: object  # a function that takes the stage
+    light: str  # kind of Add Lights, or STUDIO
     options: dict = field(default_factory=dict)
     volume: dict = field(default_factory=dict)
-    after: dict = field(default_factory=dict)  # what the scene or the volume is set to with these lights
     toward: tuple = (0.55, -1.9, 0.35)
     aim: tuple = (0.0, 0.0, 0.0)
     lens: float = 70.0
     turn: float = 0.0  # radians about Z
 
 
-def _bone(stage: Stage) -> None:
-    stage.lamp("Sun", "SUN", 4.2, (-1.4, -1.3, 1.3), WARM, angle=0.05)
-    stage.area("Rim", 80.0, (1.6, 1.4, 0.8), COLD, use_shadow=True)
-
-
-def _soft(stage: Stage) -> None:
-    stage.area("Key", 60.0, (-1.4, -1.4, 1.3), WARM, use_shadow=True)
-    stage.area("Fill", 28.0, (1.7, -1.2, 0.5), COOL, use_shadow=True)
-
-
-def _studio(stage: Stage) -> None:
-    softbox_world(((0.002, 0.002, 0.002), (0.006, 0.0065, 0.0075), (0.03, 0.033, 0.04)), SOFTBOXES)
-
-
-def _skin(stage: Stage) -> None:
-    stage.lamp("Behind", "SPOT", 320.0, (1.5, 1.0, 0.3), GLOW, spot_size=0.9, shadow_soft_size=0.2)
-    stage.lamp("Front", "SPOT", 170.0, (-1.2, -1.5, 0.7), COOL, spot_size=0.9, shadow_soft_size=0.3)
-
-
-def _smoke(stage: Stage) -> None:
-    stage.lamp("Warm", "SUN", 9.0, (1.5, -0.6, 0.3), (1.0, 0.45, 0.12))
-    stage.lamp("Cold", "SUN", 9.0, (-1.5, -0.6, 0.8), (0.3, 0.55, 1.0))
-
-
-def _specimen(stage: Stage) -> None:
-    stage.lamp("Key", "SUN", 3.6, (-1.6, -0.3, 0.7), GLOW, angle=0.05)
-    stage.area("Rim", 110.0, (1.5, 1.2, 0.4), COLD, use_shadow=True)
-
-
+STUDIO = "STUDIO"  # a world of nodes in place of lights
 SOFTBOXES = (((-1.1, -0.85, 1.2), 16.0, (26.0, 24.0, 22.0)), ((1.2, 0.9, 0.5), 16.0, (20.0, 27.0, 36.0)))
 OPAQUE = {"opacity_unit_distance": 0.05, "smoothness": 2.0, "shift_by": -100.0}  # mm, mm, HU: thin bone is whole
 RECIPES = (
     Recipe(
         "bone",
         SKULL,
-        _bone,
+        "BONE",
         {"preset": "ct-bone"},
         OPAQUE,
-        {"ambient_occlusion": 0.7},
         aim=(0.0, 0.0, -0.06),
         lens=72.0,
     ),
-    Recipe("soft", BRAIN, _soft, {"preset": "mr-brain"}, after={"ambient_occlusion": 0.4}, lens=84.0),
+    Recipe("soft", BRAIN, "SOFT", {"preset": "mr-brain"}, lens=84.0),
     Recipe(
         "studio",
         AORTA,
-        _studio,
+        STUDIO,
         {"preset": "ct-angiography"},
         {"smoothness": 3.0},
-        after={"ambient_occlusion": 1.0},
         toward=(0.0, -1.95, 0.3),
         turn=-1.0,
         lens=57.0,
@@ -104,27 +69,24 @@ RECIPES = (
     Recipe(
         "skin",
         HEAD,
-        _skin,
+        "SKIN",
         {"preset": "mr-head"},
         {"smoothness": 3.5, "specular": 0.0},
-        {"indirect_light": 0.5},
         aim=(0.0, 0.0, -0.1),
         lens=58.0,
     ),
     Recipe(
         "smoke",
         "smoke_fog.vdb",
-        _smoke,
-        after={"use_shading": True, "ambient": 0.1, "diffuse": 1.0},
+        "SMOKE",
         aim=(0.0, 0.0, -0.08),
         lens=80.0,
     ),
     Recipe(
         "specimen",
         LOBSTER,
-        _specimen,
+        "SPECIMEN",
         {**BARE, "preset": "ct-specimen"},
-        after={"ambient_occlusion": 0.7},
         toward=(0.35, -1.2, 1.4),
         aim=(0.02, -0.1, 0.0),
         lens=64.0,
@@ -132,11 +94,9 @@ RECIPES = (
 )
 
 
-LAMPS = (  # watts, size and place of area lights, in parts of the scan's longest side; watts for a side of 1 m
-    ("key", 60.0, 1.0, (-1.4, -1.3, 1.3), WARM, True),
-    ("fill", 6.0, 2.0, (1.8, -1.2, 0.3), COLD, False),
-    ("rim", 260.0, 1.0, (0.9, 2.0, 0.9), COLD, True),
-)
+def _light_studio(stage: Stage) -> None:
+    softbox_world(((0.002, 0.002, 0.002), (0.006, 0.0065, 0.0075), (0.03, 0.033, 0.04)), SOFTBOXES)
+    stage.volume.rle_splat.lighting, stage.settings.ambient_occlusion = "SCENE", 1.0
 
 
 def _without_holder() -> None:
@@ -168,10 +128,13 @@ def lamps(stage: Stage):
     bpy.ops.rle_splat.apply_preset(preset="mr-brain")
     stage.camera((0.9, -1.7, 0.35), 84.0)
     yield "headlight"
-    stage.volume.rle_splat.lighting, stage.settings.ambient_occlusion = "SCENE", 0.7
-    for name, watts, side, place, color, shadow in LAMPS:
-        stage.area(name.capitalize(), watts, place, color, side, use_shadow=shadow)
-        yield name
+    bpy.ops.rle_splat.add_lights(kind="THREE")
+    lights = [bpy.data.objects[name] for name in ("Key", "Fill", "Rim")]
+    for one in lights:
+        one.hide_render = True
+    for one in lights:
+        one.hide_render = False
+        yield one.name.lower()
 
 
 def light(stage: Stage):
@@ -197,29 +160,10 @@ def light(stage: Stage):
         made.camera(recipe.toward, recipe.lens, recipe.aim)
         stage.volume = volume
         yield f"{recipe.name}-before"
-        volume.rle_splat.lighting = "SCENE"
-        recipe.light(made)
-        for key, value in recipe.after.items():
-            setattr(stage.settings if hasattr(stage.settings, key) else volume.rle_splat, key, value)
+        if recipe.light == STUDIO:
+            _light_studio(stage)
+        else:
+            bpy.ops.rle_splat.add_lights(kind=recipe.light)
         yield f"{recipe.name}-after"
         stage.settings.ambient_occlusion = stage.settings.indirect_light = 0.0
         bpy.context.scene.world = None
-    _save_lights(stage.folder)
-
-
-def _save_lights(folder) -> None:
-    """A .blend with a collection of lights for each recipe, and the world of the studio, for a scan of SIDE meters
-    around the origin."""
-    stage, blocks = Stage(None, folder, Vector(), SIDE), set()
-    for recipe in RECIPES:
-        before = set(bpy.data.objects)
-        recipe.light(stage)
-        lights = bpy.data.collections.new(recipe.name.capitalize())
-        for one in set(bpy.data.objects) - before:
-            lights.objects.link(one)
-        if lights.objects:
-            blocks.add(lights)
-        else:
-            bpy.context.scene.world.name = recipe.name.capitalize()
-            blocks.add(bpy.context.scene.world)
-    bpy.data.libraries.write(str(folder / "light-recipes.blend"), blocks, fake_user=True, compress=True)

@@ -7,7 +7,7 @@ from bpy.props import EnumProperty
 from ..bridge.data.settings import scene_scale_of
 from ..bridge.look import transfer
 from ..bridge.scene import clip_objects
-from ..bridge.volumes import encoded, labels, volumes
+from ..bridge.volumes import box, encoded, labels, volumes
 from ..bridge.volumes.attached import volume_frame
 from ..rle_splat.classify.visible_box import visible_box
 from ..rle_splat.scene import RleSplatError
@@ -53,6 +53,23 @@ def fitted(owner, volume, fit: str) -> np.ndarray:
     matrix = np.diag((*np.where(half > 0.0, half, 0.5), 1.0))  # a cutting object must not be flat
     matrix[:3, 3] = 0.5 * (first + last)
     return matrix
+
+
+def visible_corners(owner, scene) -> np.ndarray:
+    """The corners of the box around what is visible, in world space; of the whole volume where that is not known.
+
+    Returns
+    -------
+    (8, 3) ndarray of float64
+        Without rows where somebody has changed or removed the box of a volume that cannot be read.
+    """
+    try:
+        volume = volumes.load_volume(owner)
+        fit = fitted(owner, volume, "VISIBLE")
+    except RleSplatError:
+        return box.world_corners(owner)
+    matrix = volume_frame(volume, owner, scene_scale_of(scene, volume.unit)) @ fit
+    return (2.0 * box.CORNERS - 1.0) @ matrix[:3, :3].T + matrix[:3, 3]
 
 
 class RLE_SPLAT_OT_add_clip(LoadsFirst, bpy.types.Operator):

@@ -8,7 +8,7 @@ from mathutils import Vector
 from ..bridge.live import letters
 from ..bridge.volumes import volumes
 from ..rle_splat.scene import RleSplatError
-from .add_letters import visible_corners
+from .add_clip import visible_corners
 from .callout_objects import callouts_of, in_picture, labels_in_picture, lay_out, place_label
 from .picking import PicksSurface
 from .reading import LoadsFirst

@@ -8,9 +8,8 @@ from mathutils import Matrix, Vector
 
 from ..bridge.data.settings import scene_scale_of
 from ..bridge.live import bars, letters
-from ..bridge.volumes import attached, box, volumes
-from ..rle_splat.scene import RleSplatError
-from .add_clip import fitted
+from ..bridge.volumes import box, volumes
+from .add_clip import visible_corners
 from .letter_objects import add_object, depths_of, new_emission, new_text, plane_before
 from .reading import LoadsFirst
 from .refusal import refuse
@@ -76,17 +75,6 @@ def _letters(owner, scene, frame):
             room = min(ends)  # to the picture's edge
             place = frame @ (middle + (min(reach + size, room) if room > 0.0 else reach + size) * toward.to_3d())
             yield letter, new_text(letter), owner, Matrix.Translation(place) @ turn
-
-
-def visible_corners(owner, scene) -> np.ndarray:
-    """The corners of the box around what is visible, in world space; of the whole volume where that is not known."""
-    try:
-        volume = volumes.load_volume(owner)
-        fit = fitted(owner, volume, "VISIBLE")
-    except RleSplatError:
-        return box.world_corners(owner)
-    matrix = attached.volume_frame(volume, owner, scene_scale_of(scene, volume.unit)) @ fit
-    return (2.0 * box.CORNERS - 1.0) @ matrix[:3, :3].T + matrix[:3, 3]
 
 
 def _bar(owner, scene, frame, depths):

@@ -43,6 +43,7 @@ class RLE_SPLAT_PT_shading(OfVolume, bpy.types.Panel):
 
 def _draw_source(context, layout, properties) -> None:
     """Which lights shine on the volume, and what of the scene's lights and world is left out."""
+    layout.operator_menu_enum("rle_splat.add_lights", "kind", icon="LIGHT")
     layout.prop(properties, "lighting")
     unused = first_light.unused_lights(context.scene, properties.lighting)
     if unused:

@@ -36,19 +36,19 @@ REPORT = "975x695+280+82"
 
 
 def lights():
-    """A brain under a key, a fill and a rim light, as the page of recipes has them, and the panel Lighting."""
+    """A brain under the three lights of Add Lights, and the panel Lighting."""
     open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_shading")
     volume = yield from imported("mr-brain", BRAIN)
-    scene, warm, cold = bpy.context.scene, (1.0, 0.93, 0.84), (0.62, 0.78, 1.0)
-    lamp("AREA", "Key", 2.4, (-0.28, -0.26, 0.26), size=0.2, color=warm)
-    lamp("AREA", "Fill", 0.24, (0.36, -0.24, 0.06), size=0.4, color=cold, use_shadow=False)
-    lamp("AREA", "Rim", 10.4, (0.18, 0.4, 0.18), size=0.2, color=cold)
-    volume.rle_splat.lighting, scene.rle_splat.ambient_occlusion, scene.rle_splat.quality = "SCENE", 0.7, "fine"
+    scene = bpy.context.scene
+    activate(volume)
+    look_from(78.0, 28.0, 0.5)
+    yield from settled()
+    with in_the_view():
+        assert bpy.ops.rle_splat.add_lights(kind="THREE") == {"FINISHED"}
+    scene.rle_splat.quality = "fine"
     scene.view_settings.view_transform = "Standard"
     bare()
-    activate(volume)
     area_of("VIEW_3D").spaces.active.overlay.show_overlays = False
-    look_from(78.0, 28.0, 0.5)
     yield from settled()
     yield from keep("how-to-lighting")
     passed("lights")

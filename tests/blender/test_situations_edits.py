@@ -131,6 +131,7 @@ EDITS = {
     "clip_to_view": (dict(through="VIEW"), None),
     "add_slice": (dict(kind="ALL"), None),
     "add_letters": ({}, None),
+    "add_lights": (dict(kind="SMOKE"), None),
     "read_labels": ({}, labels),
     "solo_label": (dict(label=1), listed_labels),
     "add_names": ({}, listed_labels),

@@ -1,0 +1,138 @@
+"""Add Lights: the lights of a recipe, fitted to the volume's size and place, and the settings that go with them."""
+
+import bpy
+import numpy as np
+from bpy.app.translations import pgettext_iface
+from bpy.props import EnumProperty
+from mathutils import Matrix, Quaternion, Vector
+
+from ..bridge import linked
+from ..bridge.data.settings import scene_scale_of
+from ..bridge.scene import viewports
+from ..bridge.scene.light_recipes import RECIPES, SMOOTHEST, SPOT
+from ..bridge.translations import filled
+from ..bridge.volumes import box, volumes
+from ..rle_splat.scene import MODES, RleSplatError
+from .add_clip import visible_corners
+from .reading import LoadsFirst
+from .refusal import has_editable_values, refuses
+
+MARK = "rle_splat_lights"  # custom property of the collection and of its lights: the name of the volume they are for
+FROM_THE_FRONT = Matrix.Rotation(np.pi / 2.0, 3, "X").to_quaternion()  # the view along +Y, with +Z up
+
+
+class RLE_SPLAT_OT_add_lights(LoadsFirst, bpy.types.Operator):
+    """Add lights that suit the volume, in a collection of their own, and set Light Source, Shadows, Ambient Occlusion
+    and Scattering to go with them. Lights that this button added before are replaced. Left and right are those of the
+    active camera; without a camera, of the 3D viewport; without both, of a view from the front (-Y)"""
+
+    bl_idname = "rle_splat.add_lights"
+    bl_label = "Add Lights"
+    bl_options = {"REGISTER", "UNDO"}
+
+    kind: EnumProperty(
+        name="Kind",
+        description="What the lights are for",
+        items=[
+            ("THREE", "Three Lights", "Add a key light from the upper left, a weak fill light and a bright rim light"),
+            ("BONE", "Bone", "Add a sun from the upper left and a bluish rim light, for fractures and implants"),
+            ("SOFT", "Soft", "Add two large soft lights from the left and the right, for anatomy"),
+            ("SKIN", "Skin", "Add a warm light from the right and behind and a weaker one from the left, which scatter "
+             "in skin"),
+            ("SMOKE", "Smoke", "Add an orange sun from the right and a blue one from the left"),
+            ("SPECIMEN", "Specimen", "Add a sun from the left, which shows the texture of a surface, and a rim light"),
+        ],
+    )  # fmt: skip
+
+    poll = classmethod(has_editable_values)
+
+    @refuses
+    def execute(self, context):
+        owner, scene, recipe = volumes.volume_object(context), context.scene, RECIPES[self.kind]
+        context.view_layer.update()  # a script may just have placed the camera
+        side = _longest_side(owner)
+        corners = visible_corners(owner, scene)
+        middle, turn = Vector((0.5 * (corners.min(axis=0) + corners.max(axis=0))).tolist()), _turn_of_view(context)
+        home = _emptied_collection(owner, scene)
+        for light in recipe.lights:
+            one = bpy.data.objects.new(light.name, _light_data(light, side))
+            one[MARK] = owner.name
+            home.objects.link(one)
+            right, away, up = light.place
+            toward = turn @ Vector((right, up, -away))
+            one.matrix_world = (
+                Matrix.Translation(middle + side * toward) @ toward.to_track_quat("Z", "Y").to_matrix().to_4x4()
+            )
+        labels = _apply_settings(owner, scene, recipe, side)
+        if owner.rle_splat.mode == MODES[0]:
+            names = ", ".join(light.name for light in recipe.lights)
+            said = filled("Added {lights}, and set {settings}.", lights=names, settings=", ".join(labels))
+            self.report({"INFO"}, said)
+        else:
+            said = filled("The lights have no effect in this mode; set Mode to Volume Rendering in Display.")
+            self.report({"WARNING"}, said)
+        return {"FINISHED"}
+
+
+def _longest_side(owner) -> float:
+    """Of the volume's box, world units."""
+    corners = box.checked_corners(owner)
+    side = float(np.linalg.norm(corners[[1, 2, 4]] - corners[0], axis=1).max())
+    if not side > 0.0:
+        raise RleSplatError(f"{owner.name} has a scale of 0; set it above 0.")
+    return side
+
+
+def _turn_of_view(context) -> Quaternion:
+    """The rotation of the active camera; without one of the 3D viewport, and without both of a view from the front."""
+    if context.scene.camera is not None:
+        return context.scene.camera.matrix_world.to_quaternion()
+    try:
+        return Matrix(viewports.view_of(context)[0].tolist()).to_quaternion()
+    except RleSplatError:
+        return FROM_THE_FRONT
+
+
+def _emptied_collection(owner, scene):
+    """The collection of a volume's lights without those that an earlier call has added; a new one if there is none."""
+    found = (one for one in scene.collection.children_recursive if one.get(MARK) == owner.name and linked.is_own(one))
+    home = next(found, None)
+    if home is None:
+        home = bpy.data.collections.new(f"Lights of {owner.name}")
+        home[MARK] = owner.name
+        scene.collection.children.link(home)
+    before = [one for one in home.objects if one.get(MARK) == owner.name and linked.is_own(one)]
+    lamps = {one.data for one in before if one.type == "LIGHT"}
+    bpy.data.batch_remove(before)
+    bpy.data.batch_remove([data for data in lamps if data.users == 0])
+    return home
+
+
+def _light_data(light, side: float):
+    """A new light datablock for a volume whose longest side is ``side`` world units."""
+    data = bpy.data.lights.new(light.name, light.type)
+    data.color, data.use_shadow = light.color, light.casts_shadow
+    if light.type == "SUN":
+        data.energy, data.angle = light.power, light.size
+        return data
+    data.energy = light.power * side**2
+    if light.type == "AREA":
+        data.size = light.size * side
+    else:
+        data.shadow_soft_size, data.spot_size = light.size * side, SPOT
+    return data
+
+
+def _apply_settings(owner, scene, recipe, side: float) -> list[str]:
+    """Set what goes with a recipe, and return the labels of it, without effects of the scene that it turns off."""
+    unit = scene_scale_of(scene, owner.rle_splat.length_unit) * owner.matrix_world.median_scale
+    of_volume = {"lighting": "SCENE", **recipe.volume}
+    if "smoothness" in of_volume:
+        of_volume["smoothness"] = min(of_volume["smoothness"], SMOOTHEST * side / unit)
+    labels = []
+    for group, values in ((owner.rle_splat, of_volume), (scene.rle_splat, recipe.scene)):
+        for name, value in values.items():
+            setattr(group, name, value)
+            if group == owner.rle_splat or value:
+                labels.append(pgettext_iface(group.bl_rna.properties[name].name))
+    return labels
