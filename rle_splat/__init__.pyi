@@ -6,6 +6,8 @@ checkers and editors.
 from .read.formats import read_volume as read_volume
 from .read.formats import read_steps as read_steps
 from .read.labels import read_labels as read_labels
+from .read.images import read_sitk as read_sitk
+from .read.images import read_nibabel as read_nibabel
 from .read.formats import write_volume as write_volume
 from .read.formats import write_steps as write_steps
 from .volume.volume import Volume as Volume
