@@ -35,6 +35,8 @@ from .scene import Environment as Environment
 from .scene import Mist as Mist
 from .scene import Clip as Clip
 from .scene import Labels as Labels
+from .classify.label_styles import style_labels as style_labels
+from .classify.label_styles import LabelStyle as LabelStyle
 from .segment.body import hide_table as hide_table
 from .scene import Channel as Channel
 from .scene import Pose as Pose
