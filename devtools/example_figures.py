@@ -134,10 +134,8 @@ def picture_and_depth(folder: Path) -> None:
     near, far = np.quantile(made.depth[seen], (0.01, 0.99))
     gray = np.where(seen, np.clip(1.0 - 0.85 * (made.depth - near) / (far - near), 0.0, 1.0), 0.0)
     center = rs.turntable_aim(volume, matrix)
-    own = rs.Camera(
-        type="PERSP", matrix_world=rs.look_at(center + (90.0, -400.0, 120.0), center), lens=100.0, clip_start=1.0,
-        clip_end=2000.0,
-    )  # fmt: skip
+    eye = center + (90.0, -400.0, 120.0)
+    own = rs.Camera(type="PERSP", matrix_world=rs.look_at(eye, center), lens=100.0)
     sun = rs.Light(type="SUN", energy=2.4, angle=0.3, matrix_world=rs.look_at(center + (-0.15, -1.0, 0.05), center))
     cut = rs.Clip(kind="plane", matrix_world=rs.look_at(center, center + (0.0, 1.0, 0.0)))
     lit = replace(

@@ -6,6 +6,8 @@ checkers and editors.
 from .read.formats import read_volume as read_volume
 from .read.formats import read_steps as read_steps
 from .read.labels import read_labels as read_labels
+from .read.images import read_sitk as read_sitk
+from .read.images import read_nibabel as read_nibabel
 from .read.formats import write_volume as write_volume
 from .read.formats import write_steps as write_steps
 from .volume.volume import Volume as Volume
@@ -33,6 +35,8 @@ from .scene import Environment as Environment
 from .scene import Mist as Mist
 from .scene import Clip as Clip
 from .scene import Labels as Labels
+from .classify.label_styles import style_labels as style_labels
+from .classify.label_styles import LabelStyle as LabelStyle
 from .segment.body import hide_table as hide_table
 from .scene import Channel as Channel
 from .scene import Pose as Pose

@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 
 from ...rle_splat.classify.anatomy import find_appearance
-from ...rle_splat.classify.label_styles import LabelStyle, distinct_color, labels_of
+from ...rle_splat.classify.label_styles import LabelStyle, distinct_color, style_labels
 from ...rle_splat.read.formats import RAW, format_of
 from ...rle_splat.read.labels import changes_with_time, read_label_steps, remarks_beside
 from ...rle_splat.runtime.steps import announce, drain, rescale
@@ -191,7 +191,7 @@ def shown_as(owner, depsgraph, label_map, volume, transfer_function) -> Labels:
     """The labels of a map as plain data, as a volume object's rows show them in a volume."""
     properties = owner.evaluated_get(depsgraph).rle_splat
     styles = [row.plain() for row in properties.labels]
-    return labels_of(label_map, styles, volume, transfer_function, properties.smooth_labels)
+    return style_labels(label_map, volume, transfer_function, styles, properties.smooth_labels)
 
 
 def listed_steps(file: LabelFile, volume, wish: store.Wish | None = None):

@@ -35,8 +35,8 @@ def shading_of(scene: Scene, truth_name: str) -> dict:
         return {"light": PostLight(scene, world_opacity_distance(scene))}
     if scene.ambient_occlusion or (scene.volume_shadows and any(light.casts_shadow for light in scene.lights)):
         raise RleSplatError(
-            "The reference T1 has no shadows: turn off shadows and ambient occlusion, or choose the classification "
-            "post, to measure an error."
+            "The reference of the classification pre has no shadows: turn off shadows and ambient occlusion, or choose "
+            "the classification post, to measure an error."
         )
     return {"colors": _ByIndex(ReferenceLight(scene).color)}
 

@@ -21,7 +21,8 @@ def check_shown(scene: Scene, truth_name: str) -> None:
     """Raise RleSplatError where the scene has no such truth."""
     if scene.mode not in ("composite", "xray") or (scene.mode == "xray" and truth_name != "T2"):
         raise RleSplatError(
-            f"There is no reference {truth_name} of the mode {scene.mode}; choose the mode composite, or xray with T2."
+            f"There is no reference of the mode {scene.mode}; choose the mode composite, or xray with the "
+            "classification post."
         )
     if scene.mist is not None:
         raise RleSplatError("There is no reference of a scene in mist; turn the mist off to measure the rest.")

@@ -3,7 +3,9 @@
 import colorsys
 from dataclasses import dataclass, replace
 
+from ..runtime.steps import drain
 from ..scene import Labels, RleSplatError, as_float, from_mapping, read_json
+from ..segment.label_map import BACKGROUND, MOST_LABELS, value_steps
 from .presets import fit_preset, preset
 from .transfer_function import TransferFunction
 
@@ -17,10 +19,12 @@ def distinct_color(number: int) -> tuple:
 
 @dataclass(frozen=True)
 class LabelStyle:
-    """Appearance of one label.
+    """Appearance of one label, for ``style_labels``.
 
     Parameters
     ----------
+    label : int
+        Value of the label's voxels.
     name : str
         Name for display.
     hidden : bool
@@ -112,21 +116,61 @@ def read_label_styles(path) -> tuple[LabelStyle, ...]:
     return found
 
 
-def labels_of(label_volume, styles, volume, own: TransferFunction, smooth: bool = True) -> Labels:
-    """Make the Labels of a scene.
+def default_styles(labels) -> tuple[LabelStyle, ...]:
+    """The styles of a label map (a Volume) by what its file says.
+
+    These are the names and colors of the file. In a map without names, such as of nuclei, each label is solid and has a
+    color of its own, and 0 is hidden.
+    """
+    Labels(labels)  # checks for whole numbers
+    if labels.named_labels:
+        return tuple(LabelStyle(one.label, one.name, color=one.color) for one in labels.named_labels)
+    numbers = drain(value_steps(labels))
+    if len(numbers) > MOST_LABELS:
+        raise RleSplatError(
+            f"The label map {labels.name} has more than {MOST_LABELS} different values; choose another file, or say "
+            "how its labels look (styles in Python, or --label-functions)."
+        )
+    return tuple(
+        LabelStyle(int(n), hidden=bool(n == BACKGROUND), color=distinct_color(int(n)), solid=True) for n in numbers
+    )
+
+
+def style_labels(labels, volume, transfer_function: TransferFunction, styles=None, smooth: bool = True) -> Labels:
+    """Make the Labels of a scene of a label map, as ``rle-splat render --labels`` shows them.
 
     Parameters
     ----------
-    label_volume : Volume
-        Labels as integers, on the grid of ``volume``.
-    styles : sequence of LabelStyle
-        A label that has only a name uses the volume's transfer function.
+    labels : Volume
+        Label map on the grid of ``volume``, such as the result of ``read_labels``.
     volume : Volume
-    own : TransferFunction
-        The volume's transfer function.
+        The scan.
+    transfer_function : TransferFunction
+        That of the scene.
+    styles : sequence of LabelStyle, optional
+        Labels without a style look like the scan, and so does a style that has only a name. By default, labels have the
+        names and colors in their file. In a map without names, such as of nuclei, each label is solid and has a color
+        of its own, and 0 is hidden.
     smooth : bool
         Whether edges of labels are smooth.
+
+    Returns
+    -------
+    Labels
+        For ``Scene.labels``.
+
+    Raises
+    ------
+    RleSplatError
+        If the voxels are not whole numbers, a style is none, or a map without names has more than 512 different values.
     """
-    changed = {style.label: style.function(volume, own) for style in styles}
-    functions = {label: function for label, function in changed.items() if function is None or function.key != own.key}
-    return Labels(label_volume, functions, {style.label: style.name for style in styles if style.name}, smooth)
+    styles = default_styles(labels) if styles is None else tuple(styles)
+    if not all(isinstance(style, LabelStyle) for style in styles):
+        raise RleSplatError("The styles of labels must be LabelStyle, such as LabelStyle(5, color=(1.0, 0.0, 0.0)).")
+    changed = {style.label: style.function(volume, transfer_function) for style in styles}
+    functions = {
+        label: function
+        for label, function in changed.items()
+        if function is None or function.key != transfer_function.key
+    }
+    return Labels(labels, functions, {style.label: style.name for style in styles if style.name}, smooth)

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..classify.default import default_channel_function_steps
-from ..classify.label_styles import LabelStyle, distinct_color, labels_of, read_label_styles
+from ..classify.label_styles import LabelStyle, read_label_styles, style_labels
 from ..classify.presets import PRESETS, fit_preset_steps
 from ..classify.transfer_files import fit_function
 from ..classify.transfer_function import TransferFunction
@@ -13,7 +13,6 @@ from ..read.labels import TEXT_SUFFIXES, changes_with_time, read_label_steps, re
 from ..runtime.steps import drain
 from ..scene import Channel, Labels, RleSplatError, Scene
 from ..segment.body import hide_table_steps
-from ..segment.label_map import BACKGROUND, MOST_LABELS, value_steps
 from ..volume.volume import Volume
 from .options import volume_options
 
@@ -115,21 +114,6 @@ def _read_styles(path) -> tuple | None:
     return read_label_styles(path)
 
 
-def _style_labels(path, labels: Volume) -> tuple:
-    """The styles of the labels that a label file names; of one without names, such as of nuclei, distinct colors."""
-    if labels.named_labels:
-        return tuple(LabelStyle(one.label, one.name, color=one.color) for one in labels.named_labels)
-    numbers = drain(value_steps(labels))
-    if len(numbers) > MOST_LABELS:
-        raise RleSplatError(
-            f"{Path(path).name} has more than {MOST_LABELS} different values; choose a label map, or say what its "
-            "labels look like with --label-functions."
-        )
-    return tuple(
-        LabelStyle(int(n), hidden=bool(n == BACKGROUND), color=distinct_color(int(n)), solid=True) for n in numbers
-    )
-
-
 @dataclass(frozen=True, eq=False)
 class Further:
     """Labels and channels that were read, on the grid of a volume.
@@ -188,10 +172,8 @@ def mix(args, scene: Scene, mixing: tuple, further: Further) -> Scene:
     styles, functions = mixing
     labels = None
     if further.labels is not None:
-        if styles is None:
-            styles = _style_labels(args.labels, further.labels)
         smooth = args.label_edges == LABEL_EDGES[0]
-        labels = labels_of(further.labels, styles, scene.volume, scene.transfer_function, smooth)
+        labels = style_labels(further.labels, scene.volume, scene.transfer_function, styles, smooth)
     given = functions + (None,) * (len(further.channels) - len(functions))
     channels = tuple(Channel(one, _function_of(one, name)) for one, name in zip(further.channels, given))
     return replace(scene, labels=labels, channels=channels)

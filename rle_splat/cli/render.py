@@ -381,7 +381,7 @@ def _say(report: dict) -> None:
         print(report["plan"]["why"])
     if report["error"]["tolerance"] is not None:
         error = report["error"]
-        print(f"Error in 8-bit steps against the reference {error['truth']}: {error['sentence']}.")
+        print(f"Error in 8-bit steps against the reference: {error['sentence']}.")
         print(f"Settings: {report['plan']['name']}.")
     for line in describe_rays(report["rays"]):
         print(line)

@@ -24,7 +24,7 @@ BAR = 0.7  # mm: thickness of a scale bar
 WIDEST_BAR = 85.0  # mm: a color bar for the whole figure
 ALIKE = 1e-4  # share of a range up to which Blender's numbers of 32 bits count as those of a preset
 CUBE = 2.8  # font sizes: an edge of the cube
-NO_SIDES = "The volume's file does not say where the patient's sides are"
+NO_SIDES = "It is not known where the patient's sides are"
 
 
 @dataclass(frozen=True)
@@ -111,7 +111,10 @@ def check_labels(figure: Figure, draft: PageDraft | None = None) -> None:
     if not unknown or figure.style.sides == OFF:
         return
     if figure.style.sides != AUTO:
-        raise RleSplatError(f"{NO_SIDES}; read it with an orientation, or turn the letters of the figure off.")
+        raise RleSplatError(
+            f'{NO_SIDES}; say it by Orientation or --orientation (in Python, space="patient"), or turn the letters of '
+            "the figure off."
+        )
     if draft is not None:
         draft.remark(f"{NO_SIDES}, so the figure has no letters.")
 

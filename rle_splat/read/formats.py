@@ -172,7 +172,7 @@ def read_steps(path, **options):
     if level:
         volume = yield from sample_steps(volume, level)
     volume = yield from narrow_steps(volume)
-    return _with_guessed_unit(replace(volume, **changed) if changed else volume)
+    return guess_unit(replace(volume, **changed) if changed else volume)
 
 
 def _number(path: Path) -> Sequence:
@@ -186,7 +186,7 @@ def _number(path: Path) -> Sequence:
     return found
 
 
-def _with_guessed_unit(volume: Volume) -> Volume:
+def guess_unit(volume: Volume) -> Volume:
     """The volume as CT in HU, with a remark, if its values look like it and nothing else is known of them."""
     if volume.value_unit is not None or volume.modality not in (None, "CT") or not looks_like_hounsfield(volume):
         return volume

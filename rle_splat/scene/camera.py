@@ -36,7 +36,7 @@ class Camera:
     shift_x, shift_y : float
         Lens shift, as a fraction of the larger image side.
     clip_start, clip_end : float
-        Clip distances in world units.
+        Clip distances in world units. Blender's cameras bring their own.
     pixel_aspect : (2,) sequence of float
         Width and height of a pixel.
     aperture_radius : float
@@ -69,7 +69,7 @@ class Camera:
     shift_x: float = 0.0
     shift_y: float = 0.0
     clip_start: float = 0.1
-    clip_end: float = 1000.0
+    clip_end: float = 1e5
     pixel_aspect: tuple = (1.0, 1.0)
     aperture_radius: float = 0.0
     focus_distance: float = 10.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import warnings
-from dataclasses import InitVar, dataclass, replace
+from dataclasses import dataclass, replace
 from reprlib import repr as short
 
 import numpy as np
@@ -45,8 +45,8 @@ DEFAULT_CLASSIFICATION = "post"
 # What earlier versions had: field of Quality -> value that was removed -> the one that is used instead. The
 # classification is the first, because the one that is used instead can change the others.
 REMOVED_VALUES = {"classification": {"refined": "post"}, "minification": {"pool": "widen"}, "record": {6: 8, 4: 8}}
-REMOVED_FIELDS = ("refinement", "backend")  # fields of earlier versions, which are left out without a word
-# Of the option and the setting "backend": the rest of a sentence for who gives them.
+REMOVED_FIELDS = ("refinement", "backend")  # in files of earlier versions; they are left out without a word
+# The end of a sentence on --backend, and on Blender's setting of this name.
 REMOVED_BACKEND = "was removed; numba is used where it can be loaded, and numpy elsewhere"
 # The only values that the classification "post" supports; "pre" offers others too.
 POST_ONLY = {"kernel": "tent", "model": "extinction", "minification": "off", "length_correction": True, "record": 16}
@@ -184,8 +184,6 @@ class Quality:
         minification, model, record and length_correction then have their defaults. "pre" (pre-classified) classifies
         voxels and interpolates the result, as the paper does. "post" shows the box spanned by the voxel centers; "pre"
         extends beyond it by the footprints of the outer voxels.
-    refinement : int, optional
-        Without effect; a setting of earlier versions.
     depth_rule : str or None
         How opacity and color are integrated between slices: "slice", "slice-2" (every second slice), "simpson",
         "gauss2", "midpoint-M" with M from 1 to 64, or, with "post", "preintegrated" or "preintegrated-M" with M to 8.
@@ -217,8 +215,6 @@ class Quality:
         them.
     threads : int
         Number of threads; 0 for one per core.
-    backend : str, optional
-        Without effect; gives a warning. A setting of earlier versions.
     name : str
         Name of the preset, for reports.
     exact_light : bool
@@ -234,7 +230,6 @@ class Quality:
     """
 
     classification: str = DEFAULT_CLASSIFICATION
-    refinement: InitVar[object] = None
     depth_rule: str | None = None
     sheet_density: float | None = None
     kernel: str = "tent"
@@ -247,14 +242,11 @@ class Quality:
     length_correction: bool = True
     record: int = 16
     threads: int = 0
-    backend: InitVar[object] = None
     name: str = DEFAULT_QUALITY
     exact_light: bool = False
     held: bool = False
 
-    def __post_init__(self, refinement, backend):
-        if backend is not None:
-            warnings.warn(f"The setting backend {REMOVED_BACKEND}.", FutureWarning, stacklevel=3)
+    def __post_init__(self):
         knobs, sentences = without_removed(vars(self))
         for sentence in sentences:
             warnings.warn(sentence, FutureWarning, stacklevel=3)

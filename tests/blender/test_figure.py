@@ -149,7 +149,7 @@ def test_bad_input_is_refused(ball, refused, tmp_path):
     refused(save_figure, "has no suffix of a format of figures", filepath=str(tmp_path / "fig.tif"))
     refused(save_figure, "does not exist", filepath=str(tmp_path / "nowhere" / "fig.png"))
     refused(save_figure, "There is no preset 'bones'", filepath=path, compare="bones")
-    refused(save_figure, "does not say where the patient's sides are", filepath=path, sides="letters")
+    refused(save_figure, "not known where the patient's sides are", filepath=path, sides="letters")
     refused(save_figure, "has the character", filepath=path, title="頭")
     bpy.context.scene.camera.data.type = "PERSP"
     refused(save_figure, "at one depth only", filepath=path, scale_length=5.0)

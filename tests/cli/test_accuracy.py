@@ -11,6 +11,7 @@ import pytest
 import rle_splat
 from rle_splat.accuracy.lighting import shading_of
 from rle_splat.accuracy.metrics import difference
+from rle_splat.accuracy.planner.table import TRUTH_TEXTS
 from rle_splat.accuracy.truths import truth
 
 SIZE = ("--size", "40", "30")
@@ -48,7 +49,7 @@ def test_errors_are_those_of_the_picture(measured, raw, shape_xyz, function_file
     name = rendering.report["error"]["truth"]
     true = truth(scene, name, **shading_of(scene, name))[0].reshape(30, 40, 4)
     expected = difference(rendering.rgba, true)
-    assert entry["truth"] == name and f"Against {name}" in out and expected.rmse > 0.01
+    assert entry["truth"] == name and f"Against {TRUTH_TEXTS[name]}:" in out and expected.rmse > 0.01
     for key in ("rmse", "largest", "p999", "bias", "psnr"):
         assert entry["error"][key] == pytest.approx(getattr(expected, key), rel=1e-3, abs=1e-4), key
     left, top, right, bottom = report["crop"]

@@ -250,7 +250,7 @@ def test_a_pdf_has_the_texts_and_the_same_bytes_again(call, figure):
     [
         (["-o", "b.tif"], "b.tif has no suffix of a format of figures"),
         (["--perspective", "--scale-bar", "5"], "at one depth only"),
-        (["--sides", "cube"], "does not say where the patient's sides are"),
+        (["--sides", "cube"], "not known where the patient's sides are"),
         (["--scale-bar", "5000"], "5 m is longer than the picture"),
         (["--scale-bar", "long"], "The figure's scale bar must be a length above zero, or 'auto' or 'off'"),
         (["--background", "red"], "The figure's background must be white, black, transparent"),

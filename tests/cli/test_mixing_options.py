@@ -202,7 +202,7 @@ def test_a_scan_in_place_of_labels(call, raw, raw_options, tmp_path):
     scan = tmp_path / "scan.raw"
     np.arange(20 * 16 * 12, dtype=np.uint16).tofile(scan)
     result = call("render", raw, *raw_options, "--labels", scan, "-o", tmp_path / "x.npy")
-    assert result.code == 2 and "scan.raw has more than 512 different values" in result.err
+    assert result.code == 2 and "The label map scan has more than 512 different values" in result.err
 
 
 def test_channels_of_a_file(call, refused, tmp_path):

@@ -146,8 +146,8 @@ def test_a_cube_shows_the_three_sides_that_face_the_viewer(drawing, balls):
 
 def test_sides_that_are_unknown_are_not_invented(drawing):
     made = drawing.made(drawing.scene())
-    assert any("does not say where the patient's sides are" in remark for remark in made.remarks)
-    with pytest.raises(RleSplatError, match="does not say where the patient's sides are"):
+    assert any("not known where the patient's sides are" in remark for remark in made.remarks)
+    with pytest.raises(RleSplatError, match=r"sides are; .* \(in Python, space=.patient.\)"):
         drawing.made(drawing.scene(), style=replace(drawing.style, sides="letters"))
 
 

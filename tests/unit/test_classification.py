@@ -9,7 +9,7 @@ import pytest
 
 from rle_splat.classify.classification import classify
 from rle_splat.classify.transfer_function import TransferFunction
-from rle_splat.scene import REMOVED_VALUES, Quality, RleSplatError
+from rle_splat.scene import REMOVED_VALUES, Quality, RleSplatError, without_removed
 from rle_splat.volume.volume import Volume
 from tests.ways import BY_TYPE, both
 
@@ -136,13 +136,13 @@ def test_values_at_the_ends_of_float64_hold_the_end_heights_without_a_warning(wa
     np.testing.assert_allclose(found.color[:, 0], (1.0, 1.0, 1.0, 0.5, 0.0, 0.0, 0.0), atol=1e-6)
 
 
-OLD = {"refinement": 3, "record": 8, "kernel": "bspline3"}  # knobs of earlier versions
+OLD = {"record": 8, "kernel": "bspline3"}  # knobs of earlier versions
 
 
 @pytest.mark.parametrize(("make", "quality", "used"), (
     (lambda: Quality("refined"), Quality(), "'post'"),
     (lambda: Quality(classification="refined", **OLD), Quality(), "'post' with the kernel tent and the record 16"),
-    (lambda: Quality.preset("fine", "refined", refinement=2), Quality.preset("fine"), "'post'"),
+    (lambda: Quality.preset("fine", "refined"), Quality.preset("fine"), "'post'"),
     (lambda: Quality.preset("fine", "pre").classified("refined"), Quality.preset("fine"), "'post'"),
     (lambda: Quality(classification="refined", minification="pool"), Quality(), "'post' with the minification off"),
 ))  # fmt: skip
@@ -159,3 +159,11 @@ def test_a_value_that_was_removed_is_replaced_and_a_sentence_says_so(field, old,
     with pytest.warns(FutureWarning) as found:
         assert Quality.preset("fine", "pre", **{field: old}) == Quality.preset("fine", "pre", **{field: new})
     assert [str(one.message) for one in found] == [f"The {field} {old!r} was removed; {new!r} is used instead."]
+
+
+def test_fields_that_were_removed_are_left_out_of_what_files_of_earlier_versions_say():
+    said = {"classification": "post", "refinement": 3, "backend": "numpy", "threads": 2}
+    assert without_removed(said) == ({"classification": "post", "threads": 2}, ())
+    for field in ("refinement", "backend"):
+        with pytest.raises(TypeError, match=field):
+            Quality(**{field: said[field]})

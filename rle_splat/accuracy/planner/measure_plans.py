@@ -33,7 +33,7 @@ CROP_SIDE = 96  # pixels
 TOLERANCES = (8.0, 4.0, 2.0, 1.0, 0.5)  # levels: the plans that these would choose are measured too
 LONGEST = 2000.0  # milliseconds: such a plan is not measured when a frame of it is expected to take longer
 PILOTS_END = 0.05  # the fraction of the work after which the pilots end
-WITHOUT_T1 = "Plans of pre are left out, because their reference T1 has no shadows and no channels."
+WITHOUT_PRE = "Plans of pre are left out, because their reference has no shadows and no channels."
 FRAMES_END = 0.6  # the fraction of the work after which the frames end and the truths begin
 
 
@@ -163,7 +163,7 @@ def sweep_steps(
     if shadow_count(scene) or scene.channels:
         count = len(plans)
         plans = [plan for plan in plans if not (lacks_shadows(scene, plan) or lacks_channels(scene, plan))]
-        remarks = [WITHOUT_T1] * (len(plans) < count)
+        remarks = [WITHOUT_PRE] * (len(plans) < count)
     if tolerances:
         problems = _why_no_tolerance(chosen)
         if not problems:

@@ -18,7 +18,7 @@ def table_lines(report: dict) -> list[str]:
         f"{image['width']} x {image['height']} pixels; {report['threads']} thread(s).",
     ]
     for name, text in report["truths"].items():
-        lines += ["", f"Against {name}, {text}:", *_truth_lines(report, name, has_flip)]
+        lines += ["", f"Against {text}:", *_truth_lines(report, name, has_flip)]
     lines += [
         "",
         f"*: on the front, no other plan is both quicker and nearer to its reference ({ERRORS[report['front_by']]}).  "
@@ -27,7 +27,8 @@ def table_lines(report: dict) -> list[str]:
         "of premultiplied linear "
         f"RGBA; RMSE, 99.9%, bias and PSNR at {probes['random']} random pixels, max over these, {probes['steep']} "
         "steep ones and the crop; SSIM"
-        + (" and FLIP" if has_flip else "") + f" of the crop {_crop_text(report['crop'])}, as a display shows it.",
+        + (" and FLIP" if has_flip else "") + f" of the crop {_crop_text(report['crop'])}, as a display shows it."
+        + (" post RMSE: against the reference of post." if "T1" in report["truths"] else ""),
     ]  # fmt: skip
     return lines
 
@@ -38,7 +39,7 @@ def _truth_lines(report: dict, name: str, has_flip: bool) -> list[str]:
     plans = sorted((e for e in report["plans"] if e["truth"] == name), key=lambda entry: entry["frame_ms"])
     lines = [
         f"{'plan':<22}{'ms':>8}{'RMSE':>9}{'99.9%':>9}{'max':>9}{'bias':>9}{'PSNR':>8}{'SSIM':>9}"
-        + (f"{'FLIP':>9}" if has_flip else "") + (f"{'T2 RMSE':>9}" if beside else ""),
+        + (f"{'FLIP':>9}" if has_flip else "") + (f"{'post RMSE':>11}" if beside else ""),
     ]  # fmt: skip
     for entry in plans:
         error, crop = entry["error"], entry["error"]["crop"]
@@ -47,7 +48,7 @@ def _truth_lines(report: dict, name: str, has_flip: bool) -> list[str]:
             f"{marks + entry['name']:<22}{entry['frame_ms']:8.1f}{error['rmse']:9.3f}{error['p999']:9.2f}"
             f"{error['largest']:9.2f}{error['bias']:9.4f}{error['psnr']:8.1f}{_cell(crop['ssim'], 9, 5)}"
             + (_cell(crop["flip"], 9, 4) if has_flip else "")
-            + (f"{entry['as_ray_caster']['rmse']:9.3f}" if beside else "")
+            + (f"{entry['as_ray_caster']['rmse']:11.3f}" if beside else "")
         )
     return lines
 

@@ -172,8 +172,8 @@ def _remarks(session: PlannerSession, error: dict, gave_up: bool, margin: float)
                 f"was not reached in {len(error['rounds'])} pictures with ever finer settings; the smallest error is"
             )
         remarks.append(
-            f"A largest error of {tolerance:g}/255 {found} "
-            f"{figure_text(error['floor'])}/255, {how} against the reference {error['truth']}."
+            f"A largest error of {tolerance:g}/255 {found} {figure_text(error['floor'])}/255, {how} against the "
+            "reference."
         )
     elif tolerance < STRICTEST:
         remarks.append(f"A tolerance below {STRICTEST:g}/255 is finer than a picture of 32-bit numbers can show.")
