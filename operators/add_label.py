@@ -5,7 +5,7 @@ import numpy as np
 from bpy.props import FloatVectorProperty, StringProperty
 from mathutils import Vector
 
-from ..bridge.live import letters
+from ..bridge.scene.callouts import SEGMENT
 from ..bridge.volumes import volumes
 from ..rle_splat.scene import RleSplatError
 from .add_clip import visible_corners
@@ -67,6 +67,6 @@ class RLE_SPLAT_OT_add_label(LoadsFirst, bpy.types.Operator):
         frame, (high, _, low, _) = scene.camera.matrix_world.normalized(), scene.camera.data.view_frame(scene=scene)
         across = [in_picture(Vector(corner), scene, frame).x for corner in visible_corners(owner, scene).tolist()]
         edges = np.clip((min(across), max(across)), low.x, high.x)
-        names = callouts_of(owner, scene, letters.SEGMENT)
+        names = callouts_of(owner, scene, SEGMENT)
         lay_out(context, owner, [*names, *labels_in_picture(owner, scene), label], edges)
         return {"FINISHED"}

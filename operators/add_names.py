@@ -4,9 +4,8 @@ import bpy
 import numpy as np
 
 from ..bridge.data.settings import scene_scale_of
-from ..bridge.live import letters
 from ..bridge.look import transfer
-from ..bridge.scene.callouts import find_places
+from ..bridge.scene.callouts import MARK, SEGMENT, find_places
 from ..bridge.scene.clip_objects import read_clips
 from ..bridge.translations import filled
 from ..bridge.volumes import attached, labels, volumes
@@ -45,13 +44,13 @@ class RLE_SPLAT_OT_add_names(LoadsFirst, bpy.types.Operator):
         places, edges = _find_places(context, owner, rows, frame, np.array((low[:2], high[:2])))
         if not places:
             raise RleSplatError("The camera sees none of the segments that are shown; turn it to them.")
-        texts = {one.mark[1]: one.text for one in callouts_of(owner, scene, letters.SEGMENT)}
-        names = [Callout(texts.get(number) or _in_words(rows[number]), place, (letters.SEGMENT, number))
+        texts = {one.mark[1]: one.text for one in callouts_of(owner, scene, SEGMENT)}
+        names = [Callout(texts.get(number) or _in_words(rows[number]), place, (SEGMENT, number))
                  for number, place in places.items()]  # fmt: skip
         lay_out(context, owner, [*names, *labels_in_picture(owner, scene)], edges)
         for one in list(scene.objects):  # the names of segments that are hidden now
-            number = one.get(letters.SEGMENT, BACKGROUND)
-            if one.get(letters.MARK) == owner.name and number not in (BACKGROUND, *places):
+            number = one.get(SEGMENT, BACKGROUND)
+            if one.get(MARK) == owner.name and number not in (BACKGROUND, *places):
                 bpy.data.objects.remove(one)
         if left := len(rows) - len(places):
             said = filled("{number} segments that are shown are not in the picture.", number=left)

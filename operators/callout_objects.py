@@ -7,7 +7,7 @@ import numpy as np
 from mathutils import Matrix, Vector
 
 from ..bridge.live import letters, slices
-from ..bridge.scene.callouts import split, spread
+from ..bridge.scene.callouts import MARK, POINT, split, spread
 from ..bridge.volumes import box
 from ..rle_splat.scene import RleSplatError
 from .letter_objects import add_object, depths_of, new_emission, new_text, plane_before
@@ -22,7 +22,7 @@ WIDE = 0.45  # of a letter, in sizes of the text
 class Callout:
     """A text and the place in the plane of ``view_frame`` to which its line leads.
 
-    ``mark``: the custom property that says what it is, ``letters.SEGMENT`` or ``letters.POINT``, and its value.
+    ``mark``: the custom property that says what it is, ``SEGMENT`` or ``POINT``, and its value.
     """
 
     text: str
@@ -34,7 +34,7 @@ def callouts_of(owner, scene, kind: str) -> list[Callout]:
     """The callouts of a volume with a mark of one kind, as they are, also where a user has changed their texts."""
     found = []
     for one in scene.objects:
-        if one.type == "FONT" and kind in one and one.get(letters.MARK) == owner.name:
+        if one.type == "FONT" and kind in one and one.get(MARK) == owner.name:
             line = next((other for other in scene.objects if other.type == "CURVE" and _same(one, other, kind)), None)
             if line is not None:
                 end = line.data.splines[0].points[1].co
@@ -44,7 +44,7 @@ def callouts_of(owner, scene, kind: str) -> list[Callout]:
 
 def _same(one, other, kind: str) -> bool:
     """Whether two objects have the same mark of a kind."""
-    return kind in other and other.get(letters.MARK) == one[letters.MARK] and _plain(one[kind]) == _plain(other[kind])
+    return kind in other and other.get(MARK) == one[MARK] and _plain(one[kind]) == _plain(other[kind])
 
 
 def _plain(mark):
@@ -54,7 +54,7 @@ def _plain(mark):
 
 def labels_in_picture(owner, scene) -> list[Callout]:
     """The labels of a volume's points that the camera's picture shows, each with its place in it."""
-    found = (place_label(one.text, owner, scene, one.mark[1]) for one in callouts_of(owner, scene, letters.POINT))
+    found = (place_label(one.text, owner, scene, one.mark[1]) for one in callouts_of(owner, scene, POINT))
     return [one for one in found if one is not None]
 
 
@@ -66,7 +66,7 @@ def place_label(text: str, owner, scene, point) -> Callout | None:
     is_ahead = (frame.inverted() @ world).z < 0.0
     if not is_ahead or (place <= low[:2]).any() or (place >= high[:2]).any():
         return None
-    return Callout(text, place, (letters.POINT, [*point]))
+    return Callout(text, place, (POINT, [*point]))
 
 
 def lay_out(context, owner, callouts: list, edges) -> None:
@@ -93,7 +93,7 @@ def lay_out(context, owner, callouts: list, edges) -> None:
         )
     marks = [(kind, _plain(value)) for kind, value in (one.mark for one in callouts)]
     for one in list(scene.objects):
-        if one.get(letters.MARK) == owner.name and any(kind in one and _plain(one[kind]) == of for kind, of in marks):
+        if one.get(MARK) == owner.name and any(kind in one and _plain(one[kind]) == of for kind, of in marks):
             bpy.data.objects.remove(one)
     edges = _widen(edges, owner, scene, frame, (low.x, high.x))
     plane = plane_before(scene, frame, depths_of(frame, box.world_corners(owner)))

@@ -4,14 +4,15 @@ import bpy
 from mathutils import Matrix, Vector
 
 from ..bridge import linked, versions
-from ..bridge.live import letters, slices
+from ..bridge.live import slices
+from ..bridge.scene.callouts import MARK
 from ..bridge.volumes import attached
 
 
 def add_object(context, name: str, data, material, owner, parent, matrix):
     """Add an object of the lettering of a volume as a child of ``parent``; it casts no shadow."""
     one = bpy.data.objects.new(name, data)
-    one[letters.MARK] = owner.name
+    one[MARK] = owner.name
     data.materials.append(material)
     linked.put_into_scene(context, one)
     for ray in slices.LAMPS:

@@ -9,7 +9,7 @@ from ..rle_splat.scene import RleSplatError
 from .refusal import refuse
 
 AIR = "Nothing is visible under the mouse; click on a part of the volume."
-KEYS = "Click: {action}   |   Esc, Right Click: Cancel"
+HINT = "Click: {action}   |   Esc, Right Click: Cancel"
 
 
 class PicksSurface:
@@ -25,7 +25,7 @@ class PicksSurface:
         if bpy.app.background or context.window is None:
             return self.execute(context)
         context.window.cursor_modal_set("EYEDROPPER")
-        context.workspace.status_text_set(filled(KEYS, action=translate(self.bl_label)))
+        context.workspace.status_text_set(filled(HINT, action=translate(self.bl_label)))
         context.window_manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 

@@ -16,6 +16,7 @@ from ...rle_splat.volume.orientation import face_letters
 from ...rle_splat.volume.volume import PATIENT
 from .. import live
 from ..scene import placements
+from ..scene.callouts import MARK, POINT, SEGMENT
 from ..translations import translate
 from ..volumes import box, volumes
 from . import drawing, slice_places
@@ -26,9 +27,6 @@ ALONG = 0.75  # cosine with the view above which letters lie in front of the vol
 ALIKE = 0.7  # cosine in the picture above which of two axes only the one more across the view has letters
 APART = 0.04  # distance from the face, as a fraction of the box's length along that axis
 FONT = 0  # Blender's own
-MARK = "rle_splat_letters"  # custom property of lettering that is objects: the name of the volume that it is for
-SEGMENT = "rle_splat_segment"  # of the names of segments: the number of theirs
-POINT = "rle_splat_point"  # of labels: the point that they are for, in the space of the volume's object
 
 
 def placed_letters(volume_object, part=None) -> list:

@@ -11,9 +11,9 @@ from ...rle_splat.pipeline.first_surface import Surface, find_surface
 from ...rle_splat.scene import Camera, RleSplatError, Scene
 from ...rle_splat.volume.orientation import LETTERS
 from ...rle_splat.volume.volume import PATIENT
-from ..live import letters
 from ..live.surface import clip_of
 from ..scene import clip_objects, render_scene
+from ..scene.callouts import MARK
 from ..volumes import loading, volumes
 
 ANY_VIEW = Camera(), 1, 1  # a ray needs no camera
@@ -102,7 +102,7 @@ def _mesh_distance(scene, depsgraph, ray: Ray) -> float:
         if not hit:
             break
         distance = (place - origin).dot(direction)
-        is_solid = one.display_type in ("SOLID", "TEXTURED") and letters.MARK not in one
+        is_solid = one.display_type in ("SOLID", "TEXTURED") and MARK not in one
         if is_solid and one.original not in clips:
             return distance
         begin = distance + PASSED * max(abs(distance - begin), abs(distance))

@@ -5,6 +5,11 @@ Places are (x, y) in the plane of the picture, y upward, in any unit.
 
 import numpy as np
 
+# Custom properties of lettering that is objects.
+MARK = "rle_splat_letters"  # the name of the volume that it is for
+SEGMENT = "rle_splat_segment"  # of the names of segments: the number of theirs
+POINT = "rle_splat_point"  # of labels: the point that they are for, in the space of the volume's object
+
 FEWEST = 3  # squares of the picture in which a segment has to be seen for its line to lead there
 MOST_SHARE = 0.75  # of a line's way to its place; beyond it, a name's height hardly moves the line
 INWARD = 0.6  # of the way from the edge of what is seen to its innermost part, a place for the end of a line

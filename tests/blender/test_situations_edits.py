@@ -131,6 +131,7 @@ EDITS = {
     "clip_to_view": (dict(through="VIEW"), None),
     "add_slice": (dict(kind="ALL"), None),
     "add_letters": ({}, None),
+    "add_label": (dict(text="Corner", point=(0.003, 0.003, 0.003)), None),
     "add_lights": (dict(kind="SMOKE"), None),
     "read_labels": ({}, labels),
     "solo_label": (dict(label=1), listed_labels),
@@ -155,7 +156,7 @@ VIEWS = (  # of views and the selection alone; those of slices are tested in a w
 )  # fmt: skip
 OF_THE_SCENE = ("hide_mesh", "update_world_light")  # not of a volume
 FILES = ("save_own_preset", "delete_own_preset", "import_presets")  # of presets, which have no undo
-CHOICES = ("choose_transfer",)  # dialogs, which call one of the others
+CHOICES = ("choose_transfer", "pick_label")  # dialogs and clicks, which call one of the others
 MOVIES = ("turntable",)  # the camera that one adds is undone below
 SEGMENTS = (  # undone in test_segment_tools.py
     "remove_table", "keep_connected", "pick_connected", "threshold_segment", "change_segment", "export_segments",
