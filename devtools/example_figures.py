@@ -27,7 +27,7 @@ from .places import OUT, ROOT
 FOLDER = OUT / "figures"
 TUTORIAL = ROOT / "docs" / "tutorial" / "first-picture-from-the-command-line.md"
 SKULL = "dicom_ct_skull_phantom_512x512x140"
-BRAIN, HEAD = "flair_brain_124x160x140_uint8.nrrd", "t1_head_188x256x190_uint8.nii.gz"
+BRAIN = "flair_brain_124x160x140_uint8.nrrd"
 VIEWS = ((0, 0), (90, 0), (180, 0))  # azimuth and elevation
 OBLIQUE = ("--azimuth", "30", "--elevation", "15", "--fit", "0.95")
 SMALL, POSTER, EYE = 360, 3600, (735, 2470)  # pixels: a picture's side, a poster's, and where a part of it begins
@@ -233,7 +233,7 @@ def effects(folder: Path) -> None:
     """how-to-effects.jpg: see ``effect_figure``; with the data folder alone."""
     from .effect_figure import make
 
-    scans = [data_folder() / name for name in (BRAIN, HEAD, SKULL)]
+    scans = [data_folder() / name for name in (BRAIN, SKULL)]
     if all(scan.exists() for scan in scans):
         png = make(*scans, folder / "bone.json")._repr_png_()
         save_jpeg(Image.open(io.BytesIO(png)).convert("RGB"), folder / "how-to-effects.jpg", 2 * MOST_BYTES)

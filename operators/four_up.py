@@ -11,6 +11,8 @@ from .reading import LoadsFirst
 from .refusal import has_values, refuse, refuses
 from .use_window_tool import TOOL
 
+HAD_TEXT = "rle_splat_had_text"  # custom property of a screen: whether its viewport had Blender's text before
+
 
 class RLE_SPLAT_OT_four_up(LoadsFirst, bpy.types.Operator):
     """Show an axial, a coronal and a sagittal slice (MPR) beside the volume, linked by lines where they cross. The
@@ -31,6 +33,7 @@ class RLE_SPLAT_OT_four_up(LoadsFirst, bpy.types.Operator):
         where = {"area": area, "region": region, "space_data": space}
         if len(space.region_quadviews):
             _leave(context, space, where)
+            space.overlay.show_text |= bool(context.screen.pop(HAD_TEXT, False))
             return {"FINISHED"}
         volume = volumes.load_volume(owner)
         kinds = {one.rle_splat.slice_kind: one for one in slices.slice_objects(context.scene)
@@ -40,6 +43,9 @@ class RLE_SPLAT_OT_four_up(LoadsFirst, bpy.types.Operator):
         with context.temp_override(**where):
             bpy.ops.screen.region_quadview()
         _place_views(space, owner, kinds)
+        # Blender names its views by the world, such as Right for a view from a patient's left.
+        context.screen[HAD_TEXT] = space.overlay.show_text
+        space.overlay.show_text = False
         viewports.frame(context.window, [box.world_corners(owner)])
         viewports.frame_quad(area, box.world_corners(owner))
         slice_pictures.update(context.scene, context.evaluated_depsgraph_get(), may_wait=False)

@@ -31,6 +31,7 @@ class RLE_SPLAT_PT_shading(OfVolume, bpy.types.Panel):
         _draw_scene(context.scene, layout)
         if is_encoded:
             return
+        layout.label(text="This Volume")
         layout.prop(properties, "use_shading")
         column = layout.column()
         column.active = properties.use_shading and not is_pre_classified(settings)

@@ -8,6 +8,8 @@ from ..bridge.translations import translate
 from ..bridge.volumes import volumes
 from ..operators.refusal import WHICH_VOLUME
 from ..rle_splat.runtime.jit import NUMBA_PROBLEM
+from ..rle_splat.segment.body import NAMES
+from ..rle_splat.segment.label_map import BACKGROUND
 from ..rle_splat.volume.volume import PATIENT
 from . import first_run
 from .live_view import draw_state, draw_switch
@@ -35,6 +37,7 @@ class RLE_SPLAT_PT_volume(Sidebar, bpy.types.Panel):
             layout.menu("RLE_SPLAT_MT_volumes", text=owner.name, icon=icon_of(owner))
             _draw_views(layout, owner.rle_splat)
             draw_state(context, layout)
+            _draw_hidden(layout, owner.rle_splat.labels)
         elif volumes.volume_objects(context.scene):
             layout.menu("RLE_SPLAT_MT_volumes", text="Choose a Volume", icon="OUTLINER_OB_VOLUME")
             paragraph(context, layout, WHICH_VOLUME, icon="INFO")
@@ -58,6 +61,14 @@ def _draw_views(layout, properties) -> None:
         sides = row.row(align=True)
         for side in "APLRSI":
             sides.operator("rle_splat.frame_volume", text=side).side = side
+
+
+def _draw_hidden(layout, rows) -> None:
+    """The eye of what Hide Table has hidden, for a table is not all that lies beside a body."""
+    if [row.label_name for row in rows] == [one.name for one in NAMES] and not rows[BACKGROUND].show:
+        row = layout.row()
+        row.label(text="Hidden: beside the body")
+        row.prop(rows[BACKGROUND], "show", text="", icon="HIDE_ON", emboss=False)
 
 
 def _draw_progress(layout) -> None:

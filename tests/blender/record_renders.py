@@ -77,6 +77,7 @@ def nodes():
 def pinned():
     open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_picture")
     volume = yield from imported("mr-head", HEAD_MR)
+    volume.rle_splat.smoothness, bpy.context.scene.rle_splat.quality = 2.0, "fine"
     look_from(80.0, 35.0, 0.5)
     yield from settled()
     scene, region = bpy.context.scene, area_of("VIEW_3D").spaces.active.region_3d
@@ -137,18 +138,18 @@ def first_picture():
     """The render that the README's steps make of its sample."""
     yield from begin()
     scene, camera = bpy.context.scene, bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
-    scene.world = bpy.data.worlds.new("World")  # as in a new file, and its lamp, but for its power
-    lamp("POINT", "Light", 2000.0, (4.076, 1.005, 5.904), shadow_soft_size=0.1)
+    scene.world = bpy.data.worlds.new("World")  # as in a new file
     scene.collection.objects.link(camera)
     scan = shutil.copy(DATA / BRAIN, Path(tempfile.mkdtemp()) / "FLAIR.nrrd")
     with in_the_view():
         assert bpy.ops.rle_splat.import_volume(filepath=str(scan)) == {"FINISHED"}
-    scene.rle_splat.ambient_occlusion, scene.rle_splat.quality = 1.0, "strict"
+    scene.rle_splat.quality = "fine"
     view = area_of("VIEW_3D").spaces.active.region_3d
     view.view_rotation, view.view_distance = Euler((1.2, 0.0, 0.6)).to_quaternion(), 0.8 * view.view_distance
     yield from settled()
     scene.camera, camera.matrix_world = camera, view.view_matrix.inverted()
     with in_the_view():
+        assert bpy.ops.rle_splat.add_lights(kind="SOFT") == {"FINISHED"}
         assert bpy.ops.rle_splat.composite() == {"FINISHED"}
     scene.view_settings.view_transform, render = "Standard", scene.render
     render.resolution_x, render.resolution_y, render.image_settings.file_format = 840, 560, "JPEG"
