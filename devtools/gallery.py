@@ -33,8 +33,8 @@ SHOTS = {
     "nuclei": Shot("nuclei above a slice of their own confocal stack, one in mitosis", (1400, 1050), 12),
     "cortex": Shot("two channels of fluorescence in mouse cortex", (1200, 960), 12),
     "pet": Shot("a PET from two sides with its tumors in color and a bar in SUV", (1500, 1000), 12, finer=2),
-    "light": Shot("six scans as they are imported, and under the light of a recipe", (680, 600), 1),
-    "lamps": Shot("a brain as it is imported, and with a key, a fill and a rim light", (800, 760), 1),
+    "light": Shot("six scans as they are imported, and under the light of a recipe", (680, 600), 1, finer=2),
+    "lamps": Shot("a brain as it is imported, and with a key, a fill and a rim light", (800, 760), 1, finer=2),
 }
 
 

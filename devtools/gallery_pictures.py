@@ -16,6 +16,7 @@ from PIL import Image, ImageDraw, ImageFont
 MOST_BYTES = 450_000  # of a JPEG
 AFTER = "-after"  # ends the name of the second of a pair
 LIT_BY = {"before": "headlight", "after": "recipe"}
+OTHERS = {"studio-after": "softboxes of a world"}  # no recipe of Add Lights
 TITLE = 28  # pixels above each
 EDGE, CENTER = (17, 19, 23), (66, 74, 86)  # colors of the backdrop
 
@@ -41,18 +42,18 @@ def save_jpeg(picture: Image.Image, path: Path, most: int = MOST_BYTES) -> int:
 
 
 def in_pairs(pictures: dict[str, Image.Image]) -> Image.Image:
-    """Four pictures in a row, half as large, each with its name above it, and a plus if it adds to those before; or
-    pairs, three quarters as large."""
-    paired = any(name.endswith(AFTER) for name in pictures)
-    across, part = (2, 0.75) if paired else (4, 0.5)
-    width, height = (round(part * side) for side in next(iter(pictures.values())).size)
+    """Four pictures in a row, half as large, each with its name above it; without pairs a plus says that it adds to
+    those before."""
+    paired, across = any(name.endswith(AFTER) for name in pictures), 4
+    width, height = (round(0.5 * side) for side in next(iter(pictures.values())).size)
     sheet = Image.new("RGB", (across * width, (height + TITLE) * -(-len(pictures) // across)), "white")
     pen, font = ImageDraw.Draw(sheet), ImageFont.load_default(18)
     for number, (name, picture) in enumerate(pictures.items()):
         left, top = width * (number % across), (height + TITLE) * (number // across)
         sheet.paste(picture.resize((width, height), Image.Resampling.LANCZOS), (left, top + TITLE))
         of, _, when = name.partition("-")
-        title = ("" if paired or number < 2 else "+ ") + of.capitalize() + (f": {LIT_BY[when]}" if when else "")
+        lit = f": {OTHERS.get(name, LIT_BY[when])}" if when else ""
+        title = ("" if paired or number < 2 else "+ ") + of.capitalize() + lit
         pen.text((left + 2, top + 3), title, fill="black", font=font)
     return sheet
 

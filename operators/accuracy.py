@@ -60,8 +60,9 @@ class RLE_SPLAT_OT_measure_accuracy(_Measurement, bpy.types.Operator):
         report = sweep.report
         accuracy.note_sweep(self._scene.get().rle_splat, report, f"{self._volume.name} seen by {self._camera_name}")
         chosen = sweep.plan(report["chosen"])
-        self.report({"INFO"}, f"{len(report['plans'])} plans measured. {chosen['name']}: {chosen['frame_ms']:.0f} ms, "
-                              f"RMSE {figure_text(chosen['error']['rmse'])}/255.")  # fmt: skip
+        rmse = figure_text(chosen["error"]["rmse"])
+        said = f"{chosen['name']}: {chosen['frame_ms']:.0f} ms, RMSE {rmse}/255."
+        self.report({"INFO"}, f"{len(report['plans'])} settings measured. {said}")
 
 
 class RLE_SPLAT_OT_choose_plan(bpy.types.Operator):

@@ -12,6 +12,7 @@ from ..bridge.pictures import figure
 from ..bridge.render.output_settings import free_path
 from ..bridge.scene import render_scene
 from ..bridge.volumes import volumes
+from ..rle_splat.figure.files import sidecar_path
 from ..rle_splat.figure.make import figure_steps
 from ..rle_splat.figure.plan import AUTO, CENTER, OFF, FigureStyle, Panel
 from ..rle_splat.scene import RleSplatError
@@ -164,4 +165,5 @@ class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
             self.report({"WARNING"}, f"The figure cannot be made again from its sidecar, which does not hold: {names}.")
         page, sentences = made.page, " ".join(made.remarks)
         size = f"{page.width} x {page.height} pixels"
-        self.report({"INFO"}, f"Saved {os.path.basename(self._path)} ({size}) and its sidecar. {sentences}".rstrip())
+        files = f"{os.path.basename(self._path)} ({size}) and {sidecar_path(self._path).name}"
+        self.report({"INFO"}, f"Saved {files}. {sentences}".rstrip())

@@ -40,6 +40,7 @@ from .classify.label_styles import LabelStyle as LabelStyle
 from .segment.body import hide_table as hide_table
 from .scene import Channel as Channel
 from .scene import Pose as Pose
+from .scene.color import decode_srgb as decode_srgb
 
 # pictures
 from .pipeline.render import render as render

@@ -7,11 +7,22 @@ def linear(color) -> tuple | None:
     """Convert an sRGB color, numbers from 0 to 1, to scene-linear RGB; None stays None."""
     if color is None:
         return None
-    return tuple(c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in color)
+    return tuple(decode_srgb(color).tolist())
 
 
 def decode_srgb(encoded) -> np.ndarray:
-    """Convert sRGB values from 0 to 1, of any shape, to scene-linear ones, float64."""
+    """Convert sRGB values to scene-linear ones.
+
+    Parameters
+    ----------
+    encoded : array_like
+        Any shape, from 0 to 1.
+
+    Returns
+    -------
+    ndarray of float64
+        Of the same shape.
+    """
     encoded = np.asarray(encoded, dtype=np.float64)
     return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
 

@@ -9,13 +9,14 @@ writes organs-*.jpg and how-to-isolate.jpg into build/window-shots/record_organs
 import os
 import shutil
 import subprocess
+from importlib import import_module
 from math import radians
 from pathlib import Path
 
 import bpy
-from mathutils import Matrix, Vector
 
 from tests.blender.guide_steps import AORTA, DATA, SCANS, activate, begin, beside, keep, lamp, look_from
+from tests.blender.real_blender import MODULE
 from tests.blender.user_steps import middle, press, settled
 from tests.blender.window_driver import (
     SHOTS,
@@ -35,8 +36,7 @@ LEFT_OUT = ("superior_mesenteric_artery",)  # below the slice
 TEXTS = {"Aorta true lumen": "Ascending aorta", "Aorta false lumen": "False lumen",
           "Annulus proper": "Aortic annulus"}  # names before, after  # fmt: skip
 DARK = (0.012, 0.016, 0.024)  # of the world
-LOWER, DESCENDING = 0.05, 0.35  # of the picture's height: the name of the true lumen below the others, and its place
-NEAR_AORTA = 0.503, 0.83  # of the picture: the left subclavian artery where it leaves the aorta
+DESCENDING = 0.35  # of the picture's height: how far below the line to the false lumen that of the true lumen ends
 RINGS = "annulus_proper", "sinotubular_junction"  # thin ones, in a color of their own
 GROUND, VESSEL_WINDOW, VIOLET, YELLOW = 551.0, (150.0, 900.0), (0.22, 0.1, 0.42), (0.8, 0.55, 0.1)
 
@@ -51,38 +51,18 @@ def masks() -> Path:
     return folder
 
 
-def move_end(line, place) -> None:
-    """Move the end of a line, with its ball."""
-    end = line.data.splines[0].points[1]
-    step = place - end.co
-    for point in (end, *line.data.splines[1].points):
-        point.co += step
-
-
-def name_true_lumen(frame) -> None:
-    """A further name and its line, duplicates of others: below the last one on the left, to the descending aorta."""
-    tall = frame[0].y - frame[2].y
-    text, line = (bpy.data.objects[name].copy() for name in ("Annulus proper", "Line to Annulus proper"))
-    for one in (text, line):
-        one.data = one.data.copy()
-        bpy.context.scene.collection.objects.link(one)
-    text.data.body = "True lumen"
-    text.matrix_world = (
-        Matrix.Translation(line.matrix_world.to_3x3() @ Vector((0.0, -LOWER * tall, 0.0))) @ text.matrix_world
-    )
-    line.data.splines[0].points[0].co.y -= LOWER * tall
-    end = bpy.data.objects["Line to Aorta false lumen"].data.splines[0].points[1].co
-    move_end(line, end - Vector((0.0, DESCENDING * tall, 0.0, 0.0)))
-
-
-def fork(frame) -> None:
-    """A further line to the left subclavian artery, a duplicate of its line: to the part that leaves the aorta."""
-    line = bpy.data.objects["Line to Left subclavian artery"].copy()
-    line.data = line.data.copy()
-    bpy.context.scene.collection.objects.link(line)
-    low, high = frame[2], frame[0]
-    across, up = ((1.0 - share) * low[axis] + share * high[axis] for axis, share in enumerate(NEAR_AORTA))
-    move_end(line, Vector((across, up, 0.0, 1.0)))
+def label_true_lumen(volume) -> None:
+    """A label on the descending aorta, where a line below that of the false lumen meets it."""
+    scene = bpy.context.scene
+    frame, line = scene.camera.data.view_frame(scene=scene), bpy.data.objects["Line to Aorta false lumen"]
+    end = line.data.splines[0].points[1].co.to_3d()
+    end.y -= DESCENDING * (frame[0].y - frame[2].y)
+    origin = scene.camera.matrix_world.translation
+    toward = (line.matrix_world @ end - origin).normalized()
+    probe = import_module(f"{MODULE}.bridge.look.probe")
+    ray = probe.Ray(tuple(origin), tuple(toward))
+    found = probe.look_along(bpy.context, bpy.context.evaluated_depsgraph_get(), ray, [volume])
+    assert bpy.ops.rle_splat.add_label(text="True lumen", point=found.surface.world) == {"FINISHED"}
 
 
 def tutorial_of_organs():
@@ -155,8 +135,9 @@ def tutorial_of_organs():
     bpy.data.objects.remove(bpy.data.objects["I"])  # the slice hides a part of it
     for name, text in TEXTS.items():
         bpy.data.objects[name].data.body = text
-    name_true_lumen(scene.camera.data.view_frame(scene=scene))
-    fork(scene.camera.data.view_frame(scene=scene))
+    activate(volume)
+    with in_the_view():
+        label_true_lumen(volume)
     view.overlay.show_overlays = False
     activate(volume)
     yield from settled()

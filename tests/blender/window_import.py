@@ -32,6 +32,7 @@ from tests.blender.window_driver import (
 
 LARGE = (128, 512, 512)  # (nz, ny, nx) voxels of 16 bits, 64 MiB: long enough for progress and Esc
 FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_import_"))
+SHORT = 0.01  # seconds of a slice
 slices: list[float] = []  # seconds of each slice of work
 
 
@@ -368,6 +369,10 @@ def check_reload():
     scene.rle_splat.quality = "draft"
     scene.render.resolution_x = scene.render.resolution_y = 16
     bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "saved.blend"))
+    works = [getattr(import_module(f"{MODULE}.operators.{name}"), f"RLE_SPLAT_OT_{name}")
+             for name in ("render_image", "apply_preset")]  # fmt: skip
+    for one in works:
+        one.time_budget = SHORT  # so that fast machines take several slices, too
     bpy.ops.wm.open_mainfile(filepath=str(FOLDER / "saved.blend"))
     yield
     slices.clear()
@@ -385,6 +390,8 @@ def check_reload():
         assert bpy.ops.rle_splat.apply_preset("INVOKE_DEFAULT", preset="x-ray") == {"RUNNING_MODAL"}
     yield from until(lambda: volumes()[0].rle_splat.transfer_name != before)
     assert len(slices) > 3
+    for one in works:
+        del one.time_budget
 
 
 def scenario():
