@@ -32,7 +32,7 @@ MM = 0.001
 PLATE = -112.0  # the height of the slice above the middle of the scan
 # Names, the place of each in mm from the middle of the scan, and that of its text in the picture, in widths.
 NAMES = (
-    ("Brachiocephalic vein", (-60.0, -16.0, 112.0), (-0.24, 0.27)),
+    ("Brachiocephalic vein", (-55.0, -8.0, 112.0), (-0.24, 0.27)),
     ("Sternal wires", (-56.0, -65.0, 49.0), (-0.24, 0.2)),
     ("Ascending aorta", (-28.0, -23.0, 42.0), (-0.24, 0.12)),
     ("Pulmonary trunk", (7.0, -20.0, 39.0), (-0.24, 0.05)),
@@ -124,7 +124,7 @@ def heart(stage: Stage):
     _keep(ours, "Sternum", IN_WIRE, 3.0)
     bpy.ops.rle_splat.threshold_segment(low=1000.0, high=ours.value_high)
     ours.labels[ours.active_label].label_name = "Wires"
-    _change(ours, "Wires", "GROW", 1.2)
+    _change(ours, "Wires", "GROW", 1.6)
     ours.shift_by = 80.0  # vessels and other bones are apart
     _show(ours, "Background")
     _keep(ours, "Bones", IN_BONE, 3.0)
