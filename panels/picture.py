@@ -30,9 +30,12 @@ class PicturePanel:
         row.row().prop(settings, "backdrop_depth", expand=True)
         layout.prop(settings, "backdrop_follows")
         _draw_quality(context, layout)
-        row = layout.row()
-        row.use_property_split = False  # else the name would be cut off
-        row.prop(settings, "meshes_occlude")
+        column = layout.column()
+        column.use_property_split = False  # else the names would be cut off
+        row = column.row()
+        row.active = not settings.max_error
+        row.prop(settings, "smooth_outlines")
+        column.prop(settings, "meshes_occlude")
         draw_outdated(context, layout)
         # A backdrop that follows the scene clears ``message``; ``render_problem`` stays until the next render.
         for sentence in dict.fromkeys(filter(None, (settings.render_problem, settings.message))):

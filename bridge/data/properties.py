@@ -241,6 +241,10 @@ class SceneSettings(bpy.types.PropertyGroup):
     meshes_occlude: LiveBool(
         name="Meshes Hide Volume", default=True,
         description="Let meshes hide the part of the volume behind them, also inside the volume")  # fmt: skip
+    smooth_outlines: LiveBool(
+        name="Smooth Outlines", default=False,
+        description="Render without steps at the edges of the volume: the mean of four pictures, shifted by parts of a "
+        "pixel. Takes up to five times as long. Viewports do not show it")  # fmt: skip
     backdrop_depth: EnumProperty(
         name="Depth", description="Where the camera view shows the picture", update=_place_backdrop,
         items=[("BACK", "Behind", "Show the picture behind the objects"),

@@ -54,6 +54,9 @@ def add_arguments(parser) -> None:
         help="motion blur: a list of poses, each with camera_matrix, volume_matrix or both, equally spaced in time "
         "while the shutter is open",
     )
+    parser.add_argument(
+        "--smooth-outlines", action="store_true",
+        help="no steps at the edges of the volume: the mean of four pictures, shifted by parts of a pixel")  # fmt: skip
     options.add_clip_option(parser)
     light_options.add_light_effect_options(parser)
     add_mixing_options(parser)
@@ -211,7 +214,8 @@ def prepare(args, checked: Checked, line, like: Like | None = None) -> tuple[Pre
     else:
         prepared, like = _prepare_voxels(args, checked, line, like)
     further = read_further(args, prepared.scene.volume, line)
-    scene = mix(args, moving(prepared.scene, checked.poses), checked.mixing, further)
+    scene = replace(prepared.scene, smooth_outlines=args.smooth_outlines)
+    scene = mix(args, moving(scene, checked.poses), checked.mixing, further)
     remarks, table = (*prepared.remarks, *further.remarks), None
     if not checked.is_encoded:
         table, more = hide_table(args, scene.volume, scene.transfer_function, line)

@@ -1,4 +1,6 @@
-"""Depth of field and motion blur: the mean of sharp pictures through points of the lens at times of the shutter."""
+"""Depth of field, motion blur and smooth outlines: the mean of sharp pictures, through points of the lens, at
+times of the shutter, and shifted by parts of a pixel.
+"""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -9,6 +11,7 @@ from ..runtime.steps import rescale
 from ..scene import Rendering, Scene
 from .lens import DEPTH_OF_FIELD, lens_pictures, lens_points, see_through_lens
 from .motion import MOTION_BLUR, at_time, motion_pictures
+from .outlines import outline_pictures, shifted, without_smooth_outlines
 
 # Spreads times evenly, and apart from the golden angles by which the lens's points turn.
 SILVER = 2.0**0.5 - 1.0
@@ -24,7 +27,8 @@ class Blur(NamedTuple):
     pictures : callable
         ``pictures(scene)``: how many sharp pictures it takes, 1 for no blur.
     sharpen : callable
-        ``sharpen(scene, point, time)``: the sharp scene through a point of the lens at a time of the shutter.
+        ``sharpen(scene, point, time, number)``: the sharp scene through a point of the lens at a time of the shutter,
+        which is the picture of this number.
     remove : callable
         ``remove(scene)``: the scene without it.
     """
@@ -37,9 +41,12 @@ class Blur(NamedTuple):
 
 # In the order in which they are taken out of a scene: the camera moves with its lens.
 BLURS = (
-    Blur("motion blur", motion_pictures, lambda scene, point, time: at_time(scene, time), MOTION_BLUR.without),
-    Blur("depth of field", lens_pictures, lambda scene, point, time: see_through_lens(scene, point),
+    Blur("motion blur", motion_pictures, lambda scene, point, time, number: at_time(scene, time),
+         MOTION_BLUR.without),
+    Blur("depth of field", lens_pictures, lambda scene, point, time, number: see_through_lens(scene, point),
          DEPTH_OF_FIELD.without),
+    Blur("smooth outlines", outline_pictures, lambda scene, point, time, number: shifted(scene, number),
+         without_smooth_outlines),
 )  # fmt: skip
 
 
@@ -59,8 +66,8 @@ def list_exposures(scene: Scene) -> list[Scene]:
     for blur in BLURS:
         several = blur.pictures(scene) > 1
         scenes = [
-            blur.sharpen(one, point, time) if several else blur.remove(one)
-            for one, point, time in zip(scenes, points, times, strict=True)
+            blur.sharpen(one, point, time, number) if several else blur.remove(one)
+            for number, (one, point, time) in enumerate(zip(scenes, points, times, strict=True))
         ]
     return scenes
 

@@ -8,6 +8,7 @@ import hashlib
 import platform
 from dataclasses import MISSING, asdict, dataclass, fields
 from importlib.metadata import PackageNotFoundError, version
+from typing import Any
 
 import numpy as np
 
@@ -49,7 +50,8 @@ HELD = {
     "headlight": bool, "effects": dict,
     "motion": lambda given: tuple(from_mapping(Pose, one, "A pose of the sidecar") for one in given),
     "clips": lambda given: tuple(from_mapping(Clip, one, "A cutting object of the sidecar") for one in given),
-    "mode": str, "mist": lambda given: from_mapping(Mist, given, "The sidecar's mist"), "volume_shadows": bool,
+    "mode": str, "smooth_outlines": bool,
+    "mist": lambda given: from_mapping(Mist, given, "The sidecar's mist"), "volume_shadows": bool,
     "world": tuple, "environment": lambda given: from_mapping(Environment, given, "The sidecar's environment"),
     "ambient_occlusion": float, "indirect_light": float,
 }  # fmt: skip
@@ -211,7 +213,9 @@ def _scene(given: dict, data: FigureData) -> Scene:
     if wrong:
         raise RleSplatError(f"The scene of the sidecar has an unknown or no {wrong[0]!r}; use the file as written.")
     try:
-        values = {name: None if value is None else HELD[name](value) for name, value in given.items() if name in HELD}
+        values: dict[str, Any] = {
+            name: None if value is None else HELD[name](value) for name, value in given.items() if name in HELD
+        }
         values.update(further_of(given, data))
     except (TypeError, ValueError, KeyError) as problem:
         raise RleSplatError(f"The scene of the sidecar has a value of the wrong type: {problem}.") from None
