@@ -65,6 +65,11 @@ def test_the_picture_is_the_mean_of_shifted_ones_with_the_depth_of_the_scene():
     assert np.array_equal(one.depth, other.depth)
 
 
+def test_each_picture_has_the_plan_of_a_single_one():
+    plans = [render(ball(smooth_outlines=on), Quality.preset("fine")).report["plan"] for on in (False, True)]
+    assert plans[0]["rays"] > 0.0 and plans[0] == plans[1]
+
+
 def test_a_lens_has_them_without_more_pictures():
     camera = replace(ball().camera, type="PERSP", lens=50.0, aperture_radius=8.0, focus_distance=150.0)
     blurred = [replace(ball(smooth_outlines=on), camera=camera) for on in (False, True)]
