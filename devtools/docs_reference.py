@@ -52,8 +52,8 @@ FILE_OPTIONS_AT = "RLE_SPLAT_OT_import_volume"  # the operator that lists the op
 GROUPS = {  # a property group -> how a script reaches it
     "SceneSettings": "scene.rle_splat",
     "VolumeProperties": "object.rle_splat",
-    "LabelProperties": "object.rle_splat.labels[...]",
     "ChannelProperties": "object.rle_splat.channels[...]",
+    "LabelProperties": "object.rle_splat.labels[...]",
     "RLE_SPLAT_AP_preferences": "preferences.addons[...].preferences",
 }
 

@@ -186,7 +186,7 @@ def example_of_the_readme(folder: Path) -> None:
     made, names = folder / "readme-python.png", {}
     for name in ("out.png", "figure.svg"):
         code = code.replace(name, (folder / name).as_posix())
-    exec(code.replace("scan.nii.gz", scan.as_posix()), names)
+    exec(code.replace("FLAIR.nrrd", scan.as_posix()), names)
     made.write_bytes(names["figure"]._repr_png_())
     save_jpeg(Image.open(made).convert("RGB"), made.with_suffix(".jpg"), MOST_BYTES)
 

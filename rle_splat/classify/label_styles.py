@@ -38,7 +38,7 @@ class LabelStyle:
     opacity : float
         Factor on the opacities, 0 to 1.
     solid : bool
-        Whether all voxels of the label have the same opacity, whatever their values: ``opacity`` per SOLID_VOXELS times
+        Whether all voxels of the label have the same opacity, whatever their values: ``opacity`` per ten times
         the smallest spacing, and 1 is opaque.
 
     Raises

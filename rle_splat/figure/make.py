@@ -49,7 +49,7 @@ class MadeFigure:
 
 
 def make_figure(
-    scenes, titles=(), style: FigureStyle | None = None, quality: Quality | None = None, *, frame: bool = True
+    scenes, titles=(), style: FigureStyle | None = None, quality: Quality | str | None = None, *, frame: bool = True
 ) -> MadeFigure:
     """Make a figure for print: pictures with letters, scale bar, color bar and caption.
 
@@ -60,8 +60,8 @@ def make_figure(
     titles : sequence of str
         One for each panel, or none.
     style : FigureStyle, optional
-    quality : Quality, optional
-        Left out, the quality "standard".
+    quality : Quality or str, optional
+        Or the name of a preset, such as "fine". Left out, "standard".
     frame : bool
         Whether orthographic views are moved and get one scale at which what is visible fills the pictures; else they
         are those of the cameras.

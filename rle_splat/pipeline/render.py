@@ -56,14 +56,16 @@ from .watch_steps import watch_splat_steps, watch_steps
 BEFORE, SPLATS = 0.2, 0.75  # parts of the work, as it is shown: before the splats; splats and warps
 
 
-def render(scene: Scene, quality: Quality | None = None, progress=None, cache: StageCache | None = None) -> Rendering:
+def render(
+    scene: Scene, quality: Quality | str | None = None, progress=None, cache: StageCache | None = None
+) -> Rendering:
     """Render a scene.
 
     Parameters
     ----------
     scene : Scene
-    quality : Quality, optional
-        Left out, the quality "standard".
+    quality : Quality or str, optional
+        The knobs, or the name of a preset, such as "fine". Left out, "standard".
     progress : callable, optional
         Called with a Progress now and then; an exception that it raises stops the work.
     cache : StageCache, optional
@@ -84,7 +86,11 @@ def render(scene: Scene, quality: Quality | None = None, progress=None, cache: S
 
 
 def render_steps(
-    scene: Scene, quality: Quality | None = None, cache: StageCache | None = None, *, refuse_empty_view: bool = True
+    scene: Scene,
+    quality: Quality | str | None = None,
+    cache: StageCache | None = None,
+    *,
+    refuse_empty_view: bool = True,
 ):
     """Generator form of ``render``: yields Progress, returns the Rendering; closing it cancels the work.
 

@@ -349,8 +349,10 @@ class Quality:
         )  # fmt: skip
 
 
-def as_quality(quality: Quality | None) -> Quality:
-    """Check a quality; None is "standard"."""
+def as_quality(quality: Quality | str | None) -> Quality:
+    """Check a quality, or take a preset by its name; None is "standard"."""
+    if isinstance(quality, str):
+        return Quality.preset(quality)
     if not (quality is None or isinstance(quality, Quality)):
-        raise RleSplatError(f'The quality must be a Quality, such as Quality.preset("fine"), not {short(quality)}.')
+        raise RleSplatError(f'The quality must be a Quality or the name of one, such as "fine", not {short(quality)}.')
     return quality or Quality()

@@ -14,6 +14,7 @@ from math import radians
 from pathlib import Path
 
 import bpy
+from mathutils import Vector
 
 from tests.blender.guide_steps import AORTA, DATA, SCANS, activate, begin, beside, keep, lamp, look_from
 from tests.blender.real_blender import MODULE
@@ -37,6 +38,7 @@ TEXTS = {"Aorta true lumen": "Ascending aorta", "Aorta false lumen": "False lume
           "Annulus proper": "Aortic annulus"}  # names before, after  # fmt: skip
 DARK = (0.012, 0.016, 0.024)  # of the world
 DESCENDING = 0.35  # of the picture's height: how far below the line to the false lumen that of the true lumen ends
+ARTERY, NEAR_AORTA = "Left subclavian artery", (0.503, 0.83)  # its place in the picture, in shares of it
 RINGS = "annulus_proper", "sinotubular_junction"  # thin ones, in a color of their own
 GROUND, VESSEL_WINDOW, VIOLET, YELLOW = 551.0, (150.0, 900.0), (0.22, 0.1, 0.42), (0.8, 0.55, 0.1)
 
@@ -51,18 +53,26 @@ def masks() -> Path:
     return folder
 
 
-def label_true_lumen(volume) -> None:
-    """A label on the descending aorta, where a line below that of the false lumen meets it."""
+def label(volume, text: str, place) -> None:
+    """A label of what the camera sees at a place in the plane of its frame, as a click there adds it."""
     scene = bpy.context.scene
-    frame, line = scene.camera.data.view_frame(scene=scene), bpy.data.objects["Line to Aorta false lumen"]
-    end = line.data.splines[0].points[1].co.to_3d()
-    end.y -= DESCENDING * (frame[0].y - frame[2].y)
-    origin = scene.camera.matrix_world.translation
-    toward = (line.matrix_world @ end - origin).normalized()
+    origin, plane = scene.camera.matrix_world.translation, scene.camera.data.view_frame(scene=scene)[0].z
+    toward = (scene.camera.matrix_world @ Vector((*place, plane)) - origin).normalized()
     probe = import_module(f"{MODULE}.bridge.look.probe")
     ray = probe.Ray(tuple(origin), tuple(toward))
     found = probe.look_along(bpy.context, bpy.context.evaluated_depsgraph_get(), ray, [volume])
-    assert bpy.ops.rle_splat.add_label(text="True lumen", point=found.surface.world) == {"FINISHED"}
+    assert bpy.ops.rle_splat.add_label(text=text, point=found.surface.world) == {"FINISHED"}
+
+
+def label_lumen_and_artery(volume) -> None:
+    """Labels of the descending true lumen, below the line to the false one, and of an artery where it begins."""
+    frame = bpy.context.scene.camera.data.view_frame(scene=bpy.context.scene)
+    high, low = frame[0], frame[2]
+    end = bpy.data.objects["Line to Aorta false lumen"].data.splines[0].points[1].co
+    label(volume, "True lumen", (end.x, end.y - DESCENDING * (high.y - low.y)))
+    for one in [one for one in bpy.data.objects if one.name.endswith(ARTERY)]:  # its name and line, at its far part
+        bpy.data.objects.remove(one)
+    label(volume, ARTERY, [(1.0 - share) * low[axis] + share * high[axis] for axis, share in enumerate(NEAR_AORTA)])
 
 
 def tutorial_of_organs():
@@ -138,7 +148,7 @@ def tutorial_of_organs():
         bpy.data.objects[name].data.body = text
     activate(volume)
     with in_the_view():
-        label_true_lumen(volume)
+        label_lumen_and_artery(volume)
     view.overlay.show_overlays = False
     activate(volume)
     yield from settled()

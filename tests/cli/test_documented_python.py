@@ -22,11 +22,11 @@ def _python_of(page: Path) -> str:
 def test_the_example_of_the_readme_runs(tmp_path, monkeypatch):
     z, y, x = np.indices((SIDE, SIDE, SIDE)) - SIDE // 2
     values = np.float32(1000.0 * np.exp(-((np.sqrt(x**2 + y**2 + z**2) / (SIDE / 3)) ** 8)))
-    rle_splat.write_volume(rle_splat.Volume(values, np.eye(4), space="patient"), tmp_path / "scan.nii.gz")
+    rle_splat.write_volume(rle_splat.Volume(values, np.eye(4), space="patient"), tmp_path / "FLAIR.nrrd")
     monkeypatch.chdir(tmp_path)
     names = {}
     exec(compile(_python_of(ROOT / "README.md"), "README.md", "exec"), names)
-    assert 0.02 < (names["rendering"].rgba[..., 3] > 0.5).mean() < 0.5 and "values" in names["why"]
+    assert 0.02 < (names["rendering"].rgba[..., 3] > 0.5).mean() < 0.5 and "flair" in names["why"]
     assert (tmp_path / "out.png").stat().st_size > 10_000
 
 

@@ -18,7 +18,7 @@ from rle_splat.pipeline.render import render
 from rle_splat.pipeline.shadow_pass import shadow_pass_steps
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.steps import drain
-from rle_splat.scene import NO_RAYS, PRESET_AIMS, PRESET_KNOBS, Light, Mist, Quality, Scene
+from rle_splat.scene import NO_RAYS, PRESET_AIMS, PRESET_KNOBS, Light, Mist, Quality, RleSplatError, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 from rle_splat.warp.steep import UNLIMITED
@@ -186,3 +186,16 @@ def test_a_shadow_pass_has_no_single_rays(thin):
     scene = scene_of(volume, function, size=24, lights=(sun,), volume_shadows=True)
     rendering, taken = drain(shadow_pass_steps(scene, Quality(threads=1)))
     assert rendering.report["rays"]["pixels"] > 0 and taken.shape == (24, 24) and np.isfinite(taken).all()
+
+
+def test_a_preset_can_be_named():
+    z, y, x = np.mgrid[:12, :12, :12] - 5.5
+    volume = Volume(np.clip(60.0 * (6.0 - np.sqrt(x * x + y * y + z * z)), 0, 1000).astype(np.uint16), np.eye(4))
+    camera, matrix = turntable(volume)
+    scene = Scene(volume, RAMP, camera, 24, 24, volume_matrix=matrix)
+    named, given = render(scene, "draft"), render(scene, Quality.preset("draft"))
+    assert np.array_equal(named.rgba, given.rgba) and named.report["plan"] == given.report["plan"]
+    with pytest.raises(RleSplatError, match="There is no quality 'best'"):
+        render(scene, "best")
+    with pytest.raises(RleSplatError, match="must be a Quality or the name of one"):
+        render(scene, 3)
