@@ -96,6 +96,7 @@ def check_four_up(name):
     bpy.data.objects[name].rle_splat.slice_width = 255.0
     scenes.activate(bpy.data.objects[name])
     yield from settled()
+    assert not area_of("VIEW_3D").spaces.active.overlay.show_text, "Blender's names of the views, which are the world's"
     letters = import_module(f"{MODULE}.bridge.live.letters")
     drawn, draw = [], letters.blf.draw
     letters.blf.draw = lambda font, text: drawn.append((bpy.context.region.as_pointer(), text)) or draw(font, text)
@@ -180,6 +181,7 @@ def check_back(name):
     scenes.activate(bpy.data.objects[name])
     with in_the_view():
         assert bpy.ops.rle_splat.four_up("EXEC_DEFAULT", True) == {"FINISHED"}
+    assert area_of("VIEW_3D").spaces.active.overlay.show_text, "as before"
     yield from settled()
     bpy.data.objects[name].rle_splat.slices_clear_black = True
     yield from settled()
