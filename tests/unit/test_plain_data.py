@@ -43,7 +43,7 @@ def test_a_list_of_lights_is_taken_as_a_tuple():
     [
         (lambda: Volume([[[1]]], np.eye(4)), "not a list"),
         (lambda: Labels(np.zeros((2, 2, 2), int)), "not a ndarray"),
-        (lambda: render(None, "fine"), "not 'fine'"),
+        (lambda: render(None, 2), "not 2"),
         (lambda: write_picture("out.png", None, background="white"), "three finite numbers"),
         (lambda: scene_with(labels=Volume(np.zeros((3, 4, 5), np.uint8), np.eye(4))), "a Labels object, not a Volume"),
         (lambda: scene_with(lights=Light()), "a tuple of Light objects"),
