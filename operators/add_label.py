@@ -32,7 +32,7 @@ class RLE_SPLAT_OT_pick_label(PicksSurface, bpy.types.Operator):
 
 
 class RLE_SPLAT_OT_add_label(LoadsFirst, bpy.types.Operator):
-    """Add a text and a line to a point of the volume, and place the other labels and names for the camera again"""
+    """Add a text and a line to a point of the volume, and place the other labels for the camera again"""
 
     bl_idname = "rle_splat.add_label"
     bl_label = "Add Label"

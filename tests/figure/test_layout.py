@@ -440,6 +440,11 @@ def test_pictures_are_the_means_of_finer_ones(drawing, balls):
     assert np.abs(tile.rgba - wanted).max() < 1e-6 and wanted.max() > 0.5
 
 
+def test_finer_pictures_are_not_smoothed_twice(drawing, balls):
+    plain, smooth = (drawing.made(drawing.scene(balls(), smooth_outlines=on)) for on in (False, True))
+    assert np.array_equal(plain.renderings[0].rgba, smooth.renderings[0].rgba)
+
+
 def _lengths(made) -> list[str]:
     return [item.text for item in made.page.items if isinstance(item, Text) and item.text[:1].isdigit()]
 
