@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 import bpy
-from demo_scene import box_of, material, named
+from demo_scene import material, named
 from gallery_studio import COLD, RENDER, WARM, Stage, emission, letters, scale_bar, softbox_world, view_transform
 from mathutils import Matrix, Vector
 
@@ -19,7 +19,7 @@ PATCH = Vector((-22.0, -150.0, 24.0))  # before the forehead, where the plate is
 DEFECT = Vector((12.0, 14.0, 12.0))  # half the sides of the hole below the plate, in mm
 CELL, COLUMNS, ROWS = 5.8, 9, 9  # of the plate: mm from hole to hole; holes
 SOLID = 250.0  # HU: between air and the plastic of the skull, 700 HU
-WINDOW = 570.0, 580.0  # HU, level and width: below it are air, the blocks inside, and the dark rim of the plastic
+WINDOW = 300.0, 1000.0  # HU, level and width
 SHIFT = -100.0  # HU: thin walls are less dense
 THICKNESS = 0.05  # mm that have the opacity of the curve: light through a clear wall would show the layers of 1 mm
 
@@ -128,23 +128,6 @@ def _plate(stage: Stage, bone, coat) -> tuple[Vector, Vector]:
     return below
 
 
-def _slice(stage: Stage, kind: str, low: Vector, high: Vector) -> None:
-    """A slice as large as a box around it; places in mm from the middle of the scan."""
-    bpy.context.view_layer.objects.active = stage.volume
-    bpy.ops.rle_splat.add_slice(kind=kind)
-    made = bpy.context.view_layer.objects.active
-    bpy.context.view_layer.update()
-    size = box_of(stage.volume)[1] - box_of(stage.volume)[0]
-    for axis in (0, 1):
-        along = made.matrix_world.to_3x3().col[axis].normalized()
-        part = max(range(3), key=lambda side: abs(along[side]))
-        made.scale[axis] *= MM * (high - low)[part] / size[part]
-    bpy.context.view_layer.update()
-    made.matrix_world = (Matrix.Translation(stage.middle + MM * 0.5 * (low + high) - made.matrix_world.translation)
-                         @ made.matrix_world)  # fmt: skip
-    bpy.context.view_layer.objects.active = stage.volume
-
-
 def skull(stage: Stage):
     """A skull without its left upper quarter, the cut in plain gray, a titanium plate on the forehead."""
     ours, at = stage.volume.rle_splat, stage.middle
@@ -163,10 +146,8 @@ def skull(stage: Stage):
     _remove(MM * DEFECT, Matrix.Translation(place) @ normal.to_track_quat("-Y", "Z").to_matrix().to_4x4())
     bpy.context.view_layer.objects.active = stage.volume
     _remove(MM * Vector((100.0, 200.0, 100.0)), Matrix.Translation(at + MM * (CORNER + Vector((100.0, 0.0, 100.0)))))
-    front, back, left, top = -105.0, 80.0, 72.0, 69.0  # the head holder is beyond them
-    x, z = CORNER.x + 0.5, CORNER.z + 0.5  # before the cuts, which would show through in stripes
-    _slice(stage, "sagittal", Vector((x, front, z)), Vector((x, back, top)))
-    _slice(stage, "axial", Vector((x, front, z)), Vector((left, back, z)))
+    bpy.context.view_layer.objects.active = stage.volume
+    bpy.ops.rle_splat.gray_on_cut()
     ours.slices_follow_window, ours.slices_clear_black = False, True
     ours.slice_center, ours.slice_width = WINDOW
     ours.shift_by, ours.opacity_unit_distance, ours.smoothness = SHIFT, THICKNESS, 2.0

@@ -3,7 +3,6 @@
 import bpy
 from bpy.props import EnumProperty
 
-from ..bridge import linked
 from ..bridge.live import slice_pictures, slice_window, slices
 from ..bridge.scene import viewports
 from ..bridge.volumes import volumes
@@ -33,10 +32,7 @@ def add_slices(context, owner, volume, names) -> list:
     list of bpy.types.Object
         The slices, whose pictures are not made yet.
     """
-    if not linked.why_not_editable(owner) and not any(
-        slices.volume_of(one) == owner for one in slices.slice_objects(context.scene)
-    ):
-        slice_window.begin(owner.rle_splat, volume)
+    slice_window.begin(owner.rle_splat, volume)
     found = [slices.add_slice(context, owner, volume, name) for name in names]
     context.view_layer.update()
     context.scene.render.use_lock_interface = True  # renders write pixels that viewports draw

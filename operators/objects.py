@@ -4,6 +4,7 @@ import bpy
 from bpy.props import StringProperty
 
 from ..bridge import linked
+from ..bridge.live import cut_slices
 from ..bridge.scene import clip_objects
 from ..bridge.translations import filled
 from .placing import select_alone
@@ -52,6 +53,8 @@ class RLE_SPLAT_OT_delete_clip(bpy.types.Operator):
             return refuse(self, f"{self.name!r} is no cutting object of this scene; choose one from the list.")
         if found.library is not None:
             return refuse(self, f"{self.name!r} is linked from another file; delete it there.")
+        for one in cut_slices.slices_of(context.scene, found):
+            cut_slices.remove(one)
         bpy.data.objects.remove(found)
         return {"FINISHED"}
 

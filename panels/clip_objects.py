@@ -4,7 +4,9 @@ import bpy
 
 from ..bridge.scene import clip_objects
 from ..bridge.volumes import volumes
+from ..operators import gray_on_cut
 from .places import Sidebar
+from .slices import draw_window
 
 
 class RLE_SPLAT_PT_clip_objects(Sidebar, bpy.types.Panel):
@@ -35,6 +37,11 @@ class RLE_SPLAT_PT_clip_objects(Sidebar, bpy.types.Panel):
             for one in found:
                 _draw_one(context, column, one)
             layout.prop(context.scene.rle_splat, "clip_objects", text="")
+            owner = volumes.volume_object(context)
+            shows = owner is not None and gray_on_cut.shows_values(context.scene, owner)
+            layout.operator("rle_splat.gray_on_cut", icon="IMAGE_DATA", depress=shows)
+            if shows:
+                draw_window(layout, owner.rle_splat)
 
 
 def _draw_one(context, layout, one) -> None:

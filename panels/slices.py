@@ -25,7 +25,7 @@ class RLE_SPLAT_PT_slices(Sidebar, bpy.types.Panel):
             row.operator("rle_splat.add_slice", text=kind.title()).kind = kind
         is_quad = context.space_data is not None and len(getattr(context.space_data, "region_quadviews", ()))
         layout.operator("rle_splat.four_up", icon="MESH_GRID", depress=bool(is_quad))
-        found = slices.slice_objects(context.scene)
+        found = [one for one in slices.slice_objects(context.scene) if not slices.is_on_cut(one)]
         if not found:
             return
         depsgraph = context.evaluated_depsgraph_get()
@@ -44,7 +44,7 @@ class RLE_SPLAT_PT_slices(Sidebar, bpy.types.Panel):
                 paragraph(context, layout, problem, icon="ERROR")
         owner = volumes.volume_object(context) or slices.volume_of(found[0])
         if owner is not None:
-            _draw_window(layout, owner.rle_splat)
+            draw_window(layout, owner.rle_splat)
 
 
 def _short_name(one) -> str:
@@ -53,7 +53,7 @@ def _short_name(one) -> str:
     return one.name if owner is None else one.name.removeprefix(owner.name[: slices.LONGEST_NAME]).strip() or one.name
 
 
-def _draw_window(layout, properties) -> None:
+def draw_window(layout, properties) -> None:
     """Level and window of the volume's slices."""
     is_linked = properties.slices_follow_window
     unit, prefix = properties.value_unit, "slice" if not is_linked else "window"

@@ -11,12 +11,11 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ...rle_splat.runtime.steps import drain
-from ...rle_splat.volume.slices import slice_size
 from .. import messages
 from ..held import Held
 from ..loop import store, timer, work
 from ..pictures import images
-from . import slices
+from . import cut_slices, slices
 
 SIZE = 64  # pixels along a side of a placeholder
 MOST_OF_DRAFT = 1 << 15  # pixels of a slice while it is dragged: 8 ms, where 512 x 512 take 28 to 54
@@ -104,11 +103,12 @@ def update(scene, depsgraph, may_wait: bool) -> None:
     try:
         if not is_render:  # a handler of a render must create no datablock
             slices.settle_copies({one for each in bpy.data.scenes for one in slices.slice_objects(each)})
+            cut_slices.settle(scene)
         late = work.late(depsgraph) if may_wait else 0
         for one in found:
             hidden = one.hide_render if is_render else not one.visible_get(view_layer=depsgraph.view_layer)
             owner = slices.volume_of(one)
-            if one.rle_splat.slice_image is None or hidden:
+            if one.rle_splat.slice_image is None or hidden or cut_slices.is_lost(one):
                 continue
             if may_wait and owner is not None and work.want(owner, depsgraph, late):
                 continue
@@ -126,13 +126,13 @@ def _update(scene, one, depsgraph, most: int | None, late: int) -> bool:
     """
     uid = one.rle_splat.slice_image.session_uid
     try:
-        volume, matrix, window = slices.content(one, depsgraph, late)
-        full, size = slice_size(volume, matrix), slice_size(volume, matrix, most)
-        shows = volume.key, matrix.tobytes(), window
+        volume, matrix, look = slices.content(one, depsgraph, late)
+        full, size = (slices.size_of(volume, matrix, look, limit) for limit in (None, most))
+        shows = volume.key, matrix.tobytes(), look
         if _shown.get(uid) == shows and (uid not in _drafts or size != full):
             return False
         work.drop(work.SLICES)
-        drain(_picture_steps(one, depsgraph, size, volume, matrix, window))
+        drain(_picture_steps(one, depsgraph, size, volume, matrix, look))
         _drafts.pop(uid, None)
         if size != full:
             _drafts[uid] = Held(one)
@@ -152,23 +152,23 @@ def _update(scene, one, depsgraph, most: int | None, late: int) -> bool:
     return True
 
 
-def _picture_steps(one, depsgraph, size, volume, matrix, window):
+def _picture_steps(one, depsgraph, size, volume, matrix, look):
     """Generator: make and show the picture of one slice.
 
     Its values stay in memory, since windows change more often than places.
     """
-    is_full = size == slice_size(volume, matrix)
-    key = "slice", volume.key, matrix.tobytes(), size
+    is_full = size == slices.size_of(volume, matrix, look)
+    key = "slice", volume.key, matrix.tobytes(), size, look.face is None
     values = store.find(key)
     if values is None:
-        values = yield from slices.sampled_steps(volume, matrix, size)
+        values = yield from slices.sampled_steps(volume, matrix, look, size)
     store.put(store.wish_of(one, depsgraph, ("slice", is_full)), key, values)
-    slices.show(one, (yield from slices.picture_steps(*values, window)))
+    slices.show(one, (yield from slices.picture_steps(*values, look)))
     wish = store.wish_of(one, depsgraph, "opaque")
-    if window[2]:
-        store.put(wish, slices.opaque_key(volume, matrix, window), slices.opaque_part(*values, window))
-    else:
+    if slices.is_whole(look):
         store.withdraw([wish])
+    else:
+        store.put(wish, slices.opaque_key(volume, matrix, look), slices.opaque_part(*values, look))
 
 
 def _refine_steps():
@@ -189,7 +189,7 @@ def _full_steps(uid, held: Held):
         if one is not None and depsgraph is not None and one.name in window.view_layer.objects:
             volume, matrix, seen = slices.content(one, depsgraph, work.late(depsgraph))
             if _shown.get(uid) == (volume.key, matrix.tobytes(), seen):
-                yield from _picture_steps(one, depsgraph, slice_size(volume, matrix), volume, matrix, seen)
+                yield from _picture_steps(one, depsgraph, slices.size_of(volume, matrix, seen), volume, matrix, seen)
                 one.rle_splat.slice_image.update_tag()
             break
     _drafts.pop(uid, None)

@@ -99,6 +99,8 @@ def _distance(one, ray) -> float | None:
 
 def scroll(one, layers: float) -> bool:
     """Move a slice along its normal by layers of voxels, within its volume; return whether it moved."""
+    if slices.is_on_cut(one):
+        return False  # it moves with its cut
     owner = slices.volume_of(one)
     step = one.matrix_basis.to_3x3() @ Vector((0.0, 0.0, layers))  # its own z is a voxel long
     before = one.location.copy()

@@ -2,6 +2,7 @@
 
 from ...rle_splat.runtime.steps import drain
 from ...rle_splat.volume.histogram import percentile_steps
+from .. import linked
 from ..data.decimals import typed
 from ..look.preset_entries import modality_of
 
@@ -33,8 +34,10 @@ def own(properties) -> tuple[float, float]:
 def begin(properties, volume) -> None:
     """Give a volume's first slices a window of their own: soft tissue for CT, else by the values.
 
-    A window that was set before stays.
+    A window that was set before stays, as does one whose edits would be lost.
     """
+    if linked.why_not_editable(properties.id_data):
+        return
     if properties.is_property_set("slices_follow_window") or properties.is_property_set("slice_width"):
         return
     if modality_of(properties) == "CT":

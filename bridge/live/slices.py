@@ -1,9 +1,11 @@
 """Slices: rectangles in the scene that show a volume's values on their plane, as gray levels of a window.
 
-A slice is a mesh object, a child of its volume.  Its material emits the pixels of ``slice_image`` and is transparent
-where these are, which is outside the volume.  Pixels are of four 32-bit floats, scene-linear: with the view transform
-Standard a screen shows the gray levels of the window themselves.
+A slice is a mesh object, a child of its volume, or of a cutting object of it (see ``cut_slices``).  Its material emits
+the pixels of ``slice_image`` and is transparent where these are, which is outside the volume.  Pixels are of four
+32-bit floats, scene-linear: with the view transform Standard a screen shows the gray levels of the window themselves.
 """
+
+from typing import NamedTuple
 
 import bpy
 import numpy as np
@@ -12,11 +14,13 @@ from mathutils import Matrix
 from ...rle_splat.runtime.steps import drain
 from ...rle_splat.scene import RleSplatError
 from ...rle_splat.scene.color import decode_srgb
+from ...rle_splat.segment.cut_faces import CutFace, Sampled, face_share, plane_around
 from ...rle_splat.volume import slices as plain
 from .. import linked, presence, versions
 from ..data.settings import scene_scale_of
 from ..loop import index, store
 from ..pictures import images
+from ..scene import cut_faces
 from ..volumes import volumes
 from ..volumes.attached import attach, is_attached, volume_frame, world_matrix
 from . import slice_window
@@ -24,6 +28,18 @@ from . import slice_window
 CORNERS = [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]
 LAMPS = ("visible_diffuse", "visible_volume_scatter", "visible_shadow")  # rays by which a slice would light the scene
 LONGEST_NAME = 40  # characters of the volume's name in a slice's name
+ON_CUT = "cut"  # kind of a slice that is the child of a cutting object
+FINER = 2.0  # pixels of such a slice along the smallest voxel spacing, for a smooth outline
+AROUND = 384  # the most pixels along a side of the plane around it
+
+
+class Look(NamedTuple):
+    """How a slice shows values: those that are black and white, whether black is transparent, and the face of a cut."""
+
+    low: float
+    high: float
+    clears: bool
+    face: CutFace | None
 
 
 def slice_objects(scene) -> list:
@@ -36,7 +52,16 @@ def add_slice(context, owner, volume, name: str):
 
     ``name`` is how it lies: "axial", "coronal" or "sagittal".
     """
-    title = f"{owner.name[:LONGEST_NAME]} {name.title()}"
+    one = new_slice(context, f"{owner.name[:LONGEST_NAME]} {name.title()}", name)
+    scale = scene_scale_of(context.scene, volume.unit)
+    matrix = volume_frame(volume, owner, scale) @ plain.slice_matrix(volume, plain.slice_axis(volume, name))
+    # Its own location is along the volume's axes, from the middle.
+    attach(one, owner, matrix, Matrix.Diagonal((*np.linalg.norm(matrix[:3, :3], axis=0), 1.0)))
+    return one
+
+
+def new_slice(context, title: str, kind: str):
+    """Add a slice without a place; ``kind``: how it lies, or ON_CUT."""
     mesh = bpy.data.meshes.new(title)
     mesh.from_pydata(CORNERS, [], [(0, 1, 2, 3)])
     mesh.uv_layers.new(name="UVMap").uv.foreach_set(
@@ -45,7 +70,7 @@ def add_slice(context, owner, volume, name: str):
     one = bpy.data.objects.new(title, mesh)
     linked.put_into_scene(context, one)
     one.rle_splat.is_slice = True
-    one.rle_splat.slice_kind = name
+    one.rle_splat.slice_kind = kind
     for ray in LAMPS:
         setattr(one, ray, False)
     image = _new_image(title)
@@ -53,10 +78,6 @@ def add_slice(context, owner, volume, name: str):
     one.material_slots[0].link = "OBJECT"  # an object copied with its mesh shared shows its own slice
     one.material_slots[0].material = _material(image)
     one.rle_splat.slice_image = image
-    scale = scene_scale_of(context.scene, volume.unit)
-    matrix = volume_frame(volume, owner, scale) @ plain.slice_matrix(volume, plain.slice_axis(volume, name))
-    # Its own location is along the volume's axes, from the middle.
-    attach(one, owner, matrix, Matrix.Diagonal((*np.linalg.norm(matrix[:3, :3], axis=0), 1.0)))
     return one
 
 
@@ -123,8 +144,8 @@ def content(one, depsgraph, ahead: int = 0) -> tuple:
         The voxels.
     matrix : ndarray, shape (4, 4), float64
         The slice's own space to voxel indices.
-    window : (float, float, bool)
-        Physical values shown black and white, and whether black is transparent.
+    look : Look
+        How it shows the values.
 
     Raises
     ------
@@ -144,40 +165,71 @@ def content(one, depsgraph, ahead: int = 0) -> tuple:
         matrix = np.linalg.inv(frame) @ world_matrix(one, depsgraph)
     except np.linalg.LinAlgError:
         raise RleSplatError(f"{owner.name!r} has a scale of 0, so its slices are empty; set it above 0.") from None
-    return volume, matrix, slice_window.read(evaluated.rle_splat)
+    face = cut_faces.read_face(one.parent, owner, volume, depsgraph, frame, ahead) if is_on_cut(one) else None
+    return volume, matrix, Look(*slice_window.read(evaluated.rle_splat), face)
+
+
+def is_on_cut(one) -> bool:
+    """Whether a slice lies on a cut, and is the child of a cutting object."""
+    return one.rle_splat.slice_kind == ON_CUT
 
 
 def volume_of(one):
-    """The volume object that a slice is a child of; None if there is none in a scene."""
+    """The volume object that a slice is a child of, itself or by a cutting object; None if there is none in a scene."""
+    if is_on_cut(one):
+        one = one.parent
+        if one is None or presence.is_deleted(one):
+            return None
     owner = one.parent
     return owner if is_attached(one, owner) and not presence.is_deleted(owner) else None
 
 
-def sampled_steps(volume, matrix: np.ndarray, size: tuple[int, int]):
-    """Generator: the values at a slice's pixels, and which pixels lie in the volume, from what ``content`` returns."""
-    return plain.resample_steps(volume, matrix, *size)
+def size_of(volume, matrix: np.ndarray, look: Look, most: int | None = None) -> tuple[int, int]:
+    """Pixels of a slice, from what ``content`` returns; of a draft ``most`` at most."""
+    return plain.slice_size(volume, matrix, most, 1.0 if look.face is None else FINER)
 
 
-def picture_steps(values: np.ndarray, inside: np.ndarray, window):
+def sampled_steps(volume, matrix: np.ndarray, look: Look, size: tuple[int, int]):
+    """Generator: the values on a slice, from what ``content`` returns, and on a cut those of the plane around it.
+
+    Returns
+    -------
+    sampled : Sampled
+    around : Sampled or None
+    """
+    sampled = Sampled(*(yield from plain.resample_steps(volume, matrix, *size)), matrix)
+    if look.face is None:
+        return sampled, None
+    around, side = plane_around(volume, matrix), min(max(size), AROUND)
+    return sampled, Sampled(*(yield from plain.resample_steps(volume, around, side, side)), around)
+
+
+def picture_steps(sampled: Sampled, around: Sampled | None, look: Look):
     """Generator of fractions done: the pixels of a slice, from what ``sampled_steps`` and ``content`` return.
 
     Returns
     -------
     ndarray, shape (height, width, 4), float32
-        Scene-linear gray and alpha, 1 inside the volume and 0 outside, and where black is transparent; row 0 on top.
+        Scene-linear gray and alpha, 1 inside the volume and 0 outside, where black is transparent, and where the volume
+        shows nothing on a cut; row 0 on top.
     """
-    low, high, clears = window
-    height, width = values.shape
+    height, width = sampled.values.shape
     rgba = np.zeros((height, width, 4), np.float32)
+    share = _share(sampled, around, look)
     rows = max(plain.PIXELS_A_STEP // width, 1)
     for begin in range(0, height, rows):
         band = slice(begin, begin + rows)
-        levels = plain.gray_levels(values[band], low, high)
-        shows = inside[band] & (levels > 0.0) if clears else inside[band]
+        levels = plain.gray_levels(sampled.values[band], look.low, look.high)
+        shows = share[band] * (levels > 0.0) if look.clears else share[band]
         rgba[band, :, :3] = (decode_srgb(levels) * shows)[..., np.newaxis]
         rgba[band, :, 3] = shows
         yield min(begin + rows, height) / height
     return rgba
+
+
+def _share(sampled: Sampled, around: Sampled | None, look: Look) -> np.ndarray:
+    """How much of each pixel is shown, but for black."""
+    return sampled.inside if look.face is None else face_share(sampled, around, look.face, not look.clears)
 
 
 def show(one, rgba: np.ndarray) -> None:
@@ -187,22 +239,30 @@ def show(one, rgba: np.ndarray) -> None:
     images.write_color(images.ensure_image(image, image.name, width, height), rgba)
 
 
-def opaque_part(values: np.ndarray, inside: np.ndarray, window) -> np.ndarray:
-    """The part of a slice with transparent black that is not transparent, from ``sampled_steps`` and ``content``.
+def opaque_part(sampled: Sampled, around: Sampled | None, look: Look) -> np.ndarray:
+    """The part of a slice that is not transparent, from what ``picture_steps`` takes.
 
     Returns
     -------
     ndarray, shape (n, 3, 3), float64
         Triangles in the slice's own space.
     """
-    low, high, _ = window
-    part = plain.positive_part(np.where(inside & np.isfinite(values), (values - low) / (high - low), -1.0))
+    levels = _share(sampled, around, look) - 0.5
+    if look.clears:
+        over = np.nan_to_num((sampled.values - look.low) / (look.high - look.low), nan=-1.0)
+        levels = np.where(sampled.inside, over, -1.0) if look.face is None else np.minimum(levels, over)
+    part = plain.positive_part(levels)
     return np.concatenate((part, np.zeros((*part.shape[:2], 1))), axis=2)
 
 
-def opaque_key(volume, matrix: np.ndarray, window) -> tuple:
+def opaque_key(volume, matrix: np.ndarray, look: Look) -> tuple:
     """The key in the store of ``opaque_part``, from what ``content`` returns."""
-    return "opaque", volume.key, matrix.tobytes(), window
+    return "opaque", volume.key, matrix.tobytes(), look
+
+
+def is_whole(look: Look) -> bool:
+    """Whether a slice is opaque wherever it lies in its volume."""
+    return look.face is None and not look.clears
 
 
 def outlines(depsgraph) -> dict:
@@ -219,19 +279,19 @@ def outlines(depsgraph) -> dict:
         if owner is None or volumes.at_hand(owner, depsgraph) is None:
             continue
         try:
-            volume, matrix, window = content(one, depsgraph)
+            volume, matrix, look = content(one, depsgraph)
         except RleSplatError:
             continue
-        found[one] = _opaque_part(one, depsgraph, volume, matrix, window) if window[2] else _whole(volume, matrix)
+        found[one] = _whole(volume, matrix) if is_whole(look) else _opaque_part(one, depsgraph, volume, matrix, look)
     return found
 
 
-def _opaque_part(one, depsgraph, volume, matrix: np.ndarray, window) -> np.ndarray:
+def _opaque_part(one, depsgraph, volume, matrix: np.ndarray, look: Look) -> np.ndarray:
     """What is in the store, or made for this picture alone: the store keeps to its limit of memory."""
-    key = opaque_key(volume, matrix, window)
+    key = opaque_key(volume, matrix, look)
     part = store.find(key)
     if part is None:
-        part = opaque_part(*drain(sampled_steps(volume, matrix, plain.slice_size(volume, matrix))), window)
+        part = opaque_part(*drain(sampled_steps(volume, matrix, look, size_of(volume, matrix, look))), look)
         store.put(store.wish_of(one, depsgraph, "opaque"), key, part)
     return part
 

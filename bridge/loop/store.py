@@ -9,7 +9,6 @@ datablock is stored.
 from typing import NamedTuple
 
 import bpy
-import numpy as np
 from bpy.app.handlers import persistent
 
 from ...rle_splat.pipeline.stage_cache import LEAST_BYTES, SHARE
@@ -122,8 +121,7 @@ def nbytes() -> int:
 def _bytes_of(value) -> int:
     volume = getattr(value, "volume", value)  # of a label map
     if not hasattr(volume, "holds_values"):  # of slices; the light of an image is a few numbers
-        arrays = value if isinstance(value, tuple) else (value,)
-        return sum(one.nbytes for one in arrays if isinstance(one, np.ndarray))
+        return sum(map(_bytes_of, value)) if isinstance(value, tuple) else getattr(value, "nbytes", 0)
     if volume.holds_values:
         return 0 if is_mapped(volume.voxels) else volume.voxels.nbytes
     return volume.nbytes

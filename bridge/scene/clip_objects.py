@@ -26,7 +26,8 @@ def clip_objects(scene) -> list:
     """The cutting objects of a scene, sorted by name, without deleted ones."""
     collection = scene.rle_splat.clip_objects
     members = [] if collection is None else collection.all_objects
-    return sorted((one for one in members if not presence.is_deleted(one)), key=lambda one: one.name)
+    found = (one for one in members if not (presence.is_deleted(one) or one.rle_splat.is_slice))
+    return sorted(found, key=lambda one: one.name)
 
 
 def cuts(one, owner) -> bool:
@@ -55,30 +56,34 @@ def read_clips(depsgraph, owner, moved=None) -> tuple[Clip, ...]:
     RleSplatError
         For an object that is neither a plane nor a box, or has a singular matrix.
     """
+    return tuple(clip for _, clip in read_cutting(depsgraph, owner, moved))
+
+
+def read_cutting(depsgraph, owner, moved=None) -> list[tuple]:
+    """The cutting objects that cut a volume, each with what ``read_clips`` returns for it."""
     found = []
     for one in clip_objects(depsgraph.scene) if depsgraph.scene_eval.rle_splat.use_clips else ():
         if (one.type == "EMPTY" and one.hide_render) or not cuts(one, owner):
             continue
-        evaluated = one.evaluated_get(depsgraph)
-        kind, own = _shape(one, evaluated)
+        kind, own = shape_of(one, depsgraph)
         matrix = world_matrix(one, depsgraph) @ own
         if moved is not None and is_attached(one, owner):
             matrix = moved @ matrix
         try:
-            found.append(Clip(kind, matrix, one.rle_splat.clip_keep.lower()))
+            found.append((one, Clip(kind, matrix, one.rle_splat.clip_keep.lower())))
         except RleSplatError as problem:
             raise RleSplatError(f"{one.name!r} cannot cut the volume: {problem}") from None
-    return tuple(found)
+    return found
 
 
-def _shape(one, evaluated) -> tuple[str, np.ndarray]:
-    """(kind, (4, 4) float64 from the clip's unit space to the object's space)."""
+def shape_of(one, depsgraph) -> tuple[str, np.ndarray]:
+    """(kind, (4, 4) float64 from the clip's unit space to the object's space) of a cutting object."""
     if one.type == "EMPTY" and one.empty_display_type == "CUBE":
         return "box", np.diag((*(one.empty_display_size,) * 3, 1.0))
     if one.type == "EMPTY" and one.empty_display_type in PLANES:
         return "plane", np.eye(4)
     if one.type == "MESH" and len(one.data.vertices):
-        return _bounds(np.array(evaluated.bound_box, dtype=np.float64))
+        return _bounds(np.array(one.evaluated_get(depsgraph).bound_box, dtype=np.float64))
     raise RleSplatError(
         f"{one.name!r} is in the collection of cutting objects but neither a plane nor a box; use a mesh, or an Empty "
         "shown as a cube or an arrow, or take it out of the collection."

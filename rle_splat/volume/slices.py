@@ -60,8 +60,8 @@ def slice_matrix(volume: Volume, axis: int) -> np.ndarray:
     return matrix
 
 
-def slice_size(volume: Volume, matrix: np.ndarray, most: int | None = None) -> tuple[int, int]:
-    """Pixels of a slice: one for the smallest voxel spacing, at most MOST_ACROSS along each side.
+def slice_size(volume: Volume, matrix: np.ndarray, most: int | None = None, finer: float = 1.0) -> tuple[int, int]:
+    """Pixels of a slice: so many for the smallest voxel spacing, at most MOST_ACROSS along each side.
 
     Parameters
     ----------
@@ -69,6 +69,8 @@ def slice_size(volume: Volume, matrix: np.ndarray, most: int | None = None) -> t
         The plane's space to voxel indices.
     most : int, optional
         Pixels of a draft at most; where there would be more, each is larger.
+    finer : float
+        Pixels along the smallest voxel spacing.
 
     Returns
     -------
@@ -79,7 +81,7 @@ def slice_size(volume: Volume, matrix: np.ndarray, most: int | None = None) -> t
     RleSplatError
         If the matrix is not finite.
     """
-    sides = 2.0 * np.linalg.norm(volume.affine[:3, :3] @ matrix[:3, :2], axis=0) / volume.spacing.min()
+    sides = 2.0 * finer * np.linalg.norm(volume.affine[:3, :3] @ matrix[:3, :2], axis=0) / volume.spacing.min()
     if not np.isfinite(matrix).all():
         raise RleSplatError("The place of a slice is not finite; reset its location, rotation and scale.")
     width, height = (int(np.clip(np.rint(side), 1, MOST_ACROSS)) for side in sides)

@@ -211,7 +211,7 @@ def table():
 
 
 def cut():
-    """A heart, whole, cut open by a box whose handles are shown, and with a slice on the cut."""
+    """A heart, whole, cut open by a box whose handles are shown, and with gray values on the cut."""
     volume = yield from imported("ct-angiography", HEART)
     look_from(78.0, 25.0, 0.5)
     yield from settled()
@@ -222,14 +222,11 @@ def cut():
     box.matrix_world.translation.y += 0.085  # m
     yield from settled()
     yield from keep("open", HEAD)
-    front = (box.matrix_world @ Vector((0.0, -box.empty_display_size, 0.0))).y - 0.0005  # m, before the cut
     activate(volume)
     with in_the_view():
-        assert bpy.ops.rle_splat.add_slice(kind="coronal") == {"FINISHED"}
-    made, view = bpy.context.view_layer.objects.active, area_of("VIEW_3D").spaces.active
-    made.matrix_world = Matrix.Translation((0.0, front - made.matrix_world.translation.y, 0.0)) @ made.matrix_world
-    ours = volume.rle_splat
-    ours.slices_follow_window, ours.slices_clear_black, ours.slice_center, ours.slice_width = False, True, 150.0, 900.0
+        assert bpy.ops.rle_splat.gray_on_cut() == {"FINISHED"}
+    ours, view = volume.rle_splat, area_of("VIEW_3D").spaces.active
+    ours.slices_follow_window, ours.slice_center, ours.slice_width = False, 150.0, 900.0
     bpy.context.scene.view_settings.view_transform = "Standard"  # leaves gray values as they are
     view.shading.type, view.overlay.show_overlays = "MATERIAL", False
     yield from settled()
@@ -282,17 +279,10 @@ def live():
     box = bpy.context.view_layer.objects.active
     box.matrix_world = Matrix.LocRotScale(middle_of + half, None, half)
     ours = volume.rle_splat
-    for kind, toward in (("sagittal", (1.0, 0.0, 0.0)), ("coronal", (0.0, 1.0, 0.0)), ("axial", (0.0, 0.0, 1.0))):
-        with in_the_view():
-            activate(volume)
-            assert bpy.ops.rle_splat.add_slice(kind=kind) == {"FINISHED"}
-        one, to_quarter = bpy.context.view_layer.objects.active, half / 2
-        along = Vector(0.0 if side else to_quarter[axis] for axis, side in enumerate(toward))
-        # Half as large, on the cut, half a millimeter before it.
-        place = Matrix.Translation(along + 0.0005 * Vector(toward))
-        one.matrix_world = place @ one.matrix_world @ Matrix.Scale(0.5, 4)
-    ours.slices_clear_black, ours.slices_follow_window = True, False
-    ours.slice_center, ours.slice_width = 90.0, 160.0
+    with in_the_view():
+        activate(volume)
+        assert bpy.ops.rle_splat.gray_on_cut() == {"FINISHED"}
+    ours.slices_follow_window, ours.slice_center, ours.slice_width = False, 90.0, 160.0
     tip = middle_of + Vector((0.012, 0.0005, 0.012))  # half embedded in the coronal cut
     for name, radius, length, color in (
         ("Lead", 0.0007, 0.11, (0.5, 0.53, 0.58)),

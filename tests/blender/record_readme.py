@@ -1,4 +1,4 @@
-"""A recording for the README in a real window, by simulated mouse and keys: import, preset, a cut, a slice, F12.
+"""A recording for the README in a real window, by simulated mouse and keys: import, preset, cut, gray values, F12.
 
     python3 dev.py blender --photograph tests/blender/record_readme.py --size 920x700
 
@@ -19,7 +19,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 from bpy_extras.view3d_utils import location_3d_to_region_2d
-from mathutils import Euler, Matrix, Vector
+from mathutils import Euler, Vector
 
 from tests.blender.real_blender import MODULE
 from tests.blender.user_steps import find_button, middle, press, scroll_sidebar, settled, simulate
@@ -45,13 +45,12 @@ CENTISECONDS, HOLD = 7, 20  # of a frame; frames for which a step stands still
 QUALITY = 84
 FONT = "/usr/share/fonts/truetype/dejavu/DejaVuSans.ttf"
 ARROW = ((0, 0), (0, 17), (4, 13), (7, 20), (10, 19), (7, 12), (12, 12))  # pixels from the mouse, down
-STEPS, COLUMN, DOWN = 22, 82, 12  # of a drag; pixels between buttons of presets; turns of the wheel to Cut, then Slices
+STEPS, COLUMN, DOWN = 22, 82, 12  # of a drag; pixels between buttons of presets; turns of the wheel to Cut
 TOWARD = (-1.5, -1.55, 0.66)  # where the camera is, from the middle of the scan, in sizes of it
 NEARER = 0.42  # than Frame, which shows the whole box
 OPAQUE, SHIFT, GROW, SMOOTH = 0.05, -100.0, 2.0, 2.0  # mm, HU, mm, mm: thin walls are whole and opaque
-SHORTER, AHEAD = 0.85, -0.008  # of the slice, toward the front in meters: the head holder is beyond it
 COLUMNS = 45, 105, 190  # of buttons, pixels from the sidebar's right edge
-LEVEL, WINDOW, BEFORE = 575.0, 850.0, 0.001  # HU, of the slice, and how far it lies before the cut, in meters
+LEVEL, WINDOW = 400.0, 1000.0  # HU, of the values on the cut
 RIGHT = 320  # of the dialogs, which the captions leave free, in pixels
 OPEN = "480x500+90+150"  # of a frame
 # Over the seconds that a render took, which are those of a busy machine: the background beside them.
@@ -136,7 +135,7 @@ def studio(volume) -> None:
 
 
 def cut(volume):
-    """A box whose right face is dragged by its handle to the middle of the head, and a slice before the cut."""
+    """A box whose right face is dragged by its handle to the middle of the head, and gray values on the cut."""
     yield from scroll_sidebar(DOWN)
     yield from click("bpy.ops.rle_splat.add_clip", "BOX", "Add a box")
     box = bpy.context.view_layer.objects.active
@@ -151,14 +150,7 @@ def cut(volume):
     ours = volume.rle_splat
     ours.slices_follow_window, ours.slices_clear_black = False, True
     ours.slice_center, ours.slice_width = LEVEL, WINDOW
-    face = box.matrix_world @ Vector((-1.0, 0.0, 0.0))
-    yield from scroll_sidebar(DOWN)
-    yield from click("bpy.ops.rle_splat.add_slice", "sagittal", "Add a slice")
-    made = bpy.context.view_layer.objects.active
-    made.scale[max((0, 1), key=lambda axis: abs(made.matrix_world.col[axis].y))] *= SHORTER
-    to_cut = Vector((face.x - BEFORE - made.matrix_world.translation.x, AHEAD, 0.0))
-    bpy.context.view_layer.update()
-    made.matrix_world = Matrix.Translation(to_cut) @ made.matrix_world
+    yield from click("bpy.ops.rle_splat.gray_on_cut", "", "Show gray values on the cut")
     yield from settled()
     yield from frame(HOLD)
 
@@ -180,8 +172,7 @@ def scenario():
         import_module("devtools.practice_ct").write_series(SHOWN)
     bpy.context.preferences.view.render_display_type = "AREA"
     bpy.context.preferences.system.use_region_overlap = False  # the sidebar stands beside the view
-    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_display", "RLE_SPLAT_PT_presets", "RLE_SPLAT_PT_clip_objects",
-                "RLE_SPLAT_PT_slices")  # fmt: skip
+    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_display", "RLE_SPLAT_PT_presets", "RLE_SPLAT_PT_clip_objects")
     yield from new_file()
     with bpy.context.temp_override(window=window(), area=area_of("PROPERTIES")):
         bpy.ops.screen.area_close()

@@ -143,6 +143,7 @@ EDITS = {
     "remove_channel": (dict(index=0), one_channel),
     "delete_clip": (dict(name="Cut Box"), clip_box),
     "fit_clip": ({}, large_clip_box),
+    "gray_on_cut": ({}, clip_box),
     "reload": (dict(flip=(True, False, False)), None),
     "extract_surface": ({}, None),
     "bake_volume": (dict(filepath="baked.vdb"), None),

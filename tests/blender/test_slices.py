@@ -456,7 +456,7 @@ def test_values_of_a_slice_are_in_memory_as_long_as_it_is(owner, voxels, bridge)
     one = add(owner)
     scenes.update()
     (first,) = values()
-    assert store.nbytes() == voxels.nbytes + NX * NY * (8 + 1), "float64, and whether inside"
+    assert store.nbytes() == voxels.nbytes + NX * NY * (8 + 1) + 16 * 8, "float64, whether inside, and the place"
     one.parent.rle_splat.window_width *= 0.5
     scenes.update()
     assert values() == [first]

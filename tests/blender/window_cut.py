@@ -13,6 +13,8 @@ from mathutils import Euler, Vector
 
 from tests.blender import scenes
 from tests.blender.real_blender import MODULE
+from tests.blender.user_steps import middle, press_button
+from tests.blender.user_steps import press as press_key
 from tests.blender.window_driver import (
     area_of,
     drive,
@@ -213,6 +215,48 @@ def check_plane(name):
     assert [one.name for one in scene.rle_splat.clip_objects.objects] == ["Cut Plane"], "a second plane was added"
 
 
+def check_gray_values(name):
+    """A click on Gray Values on Cut puts a slice on the plane, which a drag of the plane takes along; it goes with the
+    plane, and undo brings both back."""
+
+    def values():
+        return [one for one in bpy.data.objects if one.rle_splat.is_slice]
+
+    scenes.activate(bpy.data.objects[name])
+    yield from settled()
+    yield from press_button("bpy.ops.rle_splat.gray_on_cut")
+    yield from settled()
+    yield from photograph("gray_on_plane")
+    (one,) = values()
+    plane = bpy.data.objects["Cut Plane"]
+    before = scenes.image_pixels(one.rle_splat.slice_image)
+    assert 0.05 < before[..., 3].mean() < 0.9 and before[..., 0].max() > 0.1
+    scenes.activate(plane)
+    start, back = plane.matrix_world.translation.copy(), plane.matrix_world.col[2].to_3d().normalized()
+    look((75.0, 0.0, 80.0))
+    yield from settled()
+    yield from drag(start, start - 6.0 * back, "gray_drag")
+    yield from settled()
+    yield from photograph("gray_dragged")
+    assert (plane.matrix_world.translation - start).length > 3.0
+    assert not np.array_equal(scenes.image_pixels(one.rle_splat.slice_image), before)
+    scenes.activate(plane)
+    yield from press_key("X", middle())
+    yield from press_key("RET", middle())
+    yield from until(lambda: not values())
+    yield from photograph("gray_deleted")
+    assert "Cut Plane" not in bpy.context.scene.objects
+    with in_the_view():
+        bpy.ops.ed.undo()
+    yield from settled()
+    (one,) = values()
+    assert one.parent == bpy.data.objects["Cut Plane"]
+    scenes.activate(bpy.data.objects[name])
+    yield from press_button("bpy.ops.rle_splat.gray_on_cut")
+    yield from settled()
+    assert not values()
+
+
 def check_ring(name):
     """A drag along a ring tilts the plane about one of its own axes, after the mouse, as one step of undo."""
     before = bpy.data.objects[name].matrix_world.copy()
@@ -323,7 +367,8 @@ def check_deleted(name):
 
 def scenario():
     name = yield from set_up()
-    for check in (check_box, check_volume_shows_handles, check_plane, check_slices, check_render, check_deleted):
+    for check in (check_box, check_volume_shows_handles, check_plane, check_gray_values, check_slices, check_render,
+                  check_deleted):  # fmt: skip
         yield from check(name)
         passed(check.__name__)
 

@@ -37,7 +37,7 @@ SCAN = Path(__file__).parent / "data" / "scan"
 PANELS = ("display", "presets", "clip_objects", "slices", "picture", "shading")  # that are open
 SHIFT, GROW, OPAQUE = -100.0, 2.0, 0.05  # HU, mm, mm: thin walls are whole and opaque
 DULL = 0.0, 0.75  # specular and diffuse: a cut that faces the headlight is not burnt white
-LEVEL, WINDOW = 650.0, 500.0  # HU, of the slice
+LEVEL, WINDOW = 400.0, 1000.0  # HU, of the slice
 DARK = (0.012, 0.016, 0.024)  # of the world, from the render on
 SUN = (75.0, 0.0, -20.0)  # its rotation
 DOWN = 25  # turns of the wheel from the first panel to Cut, Slices and Render
@@ -142,11 +142,7 @@ def scenario():
 
     began = time.perf_counter()
     with in_the_view():
-        assert bpy.ops.rle_splat.add_slice(kind="coronal") == {"FINISHED"}
-    one = bpy.context.view_layer.objects.active
-    one.rle_splat.slice_position -= 0.5  # mm, before the cut
-    one.select_set(False)
-    bpy.context.view_layer.objects.active = volume
+        assert bpy.ops.rle_splat.gray_on_cut() == {"FINISHED"}
     volume.rle_splat.slices_clear_black = True
     volume.rle_splat.slice_center, volume.rle_splat.slice_width = LEVEL, WINDOW
     area_of("VIEW_3D").spaces.active.region_3d.view_perspective = "PERSP"

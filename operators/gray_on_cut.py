@@ -1,0 +1,56 @@
+"""Gray Values on Cut: show the volume's values where it is cut, or no longer."""
+
+import bpy
+
+from ..bridge import linked
+from ..bridge.live import cut_slices, slice_pictures, slice_window
+from ..bridge.scene import clip_objects, viewports
+from ..bridge.volumes import volumes
+from ..bridge.volumes.attached import is_attached
+from .reading import LoadsFirst
+from .refusal import has_values, needs, refuses
+
+
+def own_cuts(scene, owner) -> list:
+    """The cutting objects that are children of a volume, and can be edited."""
+    return [one for one in clip_objects.clip_objects(scene) if is_attached(one, owner) and linked.is_own(one)]
+
+
+def shows_values(scene, owner) -> bool:
+    """Whether all cuts that are children of a volume show its values."""
+    found = own_cuts(scene, owner)
+    return bool(found) and all(cut_slices.slices_of(scene, one) for one in found)
+
+
+class RLE_SPLAT_OT_gray_on_cut(LoadsFirst, bpy.types.Operator):
+    """Show in gray the values where the cuts go through what is visible, and through what that encloses. Click again to
+    remove them. Level, Window and Transparent Black are those of the volume's slices"""
+
+    bl_idname = "rle_splat.gray_on_cut"
+    bl_label = "Gray Values on Cut"
+    bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context):
+        return has_values(cls, context) and needs(
+            cls, own_cuts(context.scene, volumes.volume_object(context)), "Add a box or a plane that cuts the volume"
+        )
+
+    @refuses
+    def execute(self, context):
+        scene, owner = context.scene, volumes.volume_object(context)
+        is_on = shows_values(scene, owner)
+        slice_window.begin(owner.rle_splat, volumes.load_volume(owner))
+        for cut in own_cuts(scene, owner):
+            found = cut_slices.slices_of(scene, cut)
+            if is_on:
+                for one in found:
+                    cut_slices.remove(one)
+            elif not found:
+                cut_slices.add_slices(context, owner, cut)
+        if not is_on:
+            context.view_layer.update()
+            scene.render.use_lock_interface = True  # renders write pixels that viewports draw
+            viewports.show_textures(context.window)
+            slice_pictures.update(scene, context.evaluated_depsgraph_get(), may_wait=False)
+        return {"FINISHED"}
