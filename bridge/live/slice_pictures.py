@@ -159,16 +159,18 @@ def _picture_steps(one, depsgraph, size, volume, matrix, look):
     """
     is_full = size == slices.size_of(volume, matrix, look)
     key = "slice", volume.key, matrix.tobytes(), size, look.face is None
-    values = store.find(key)
-    if values is None:
-        values = yield from slices.sampled_steps(volume, matrix, look, size)
-    store.put(store.wish_of(one, depsgraph, ("slice", is_full)), key, values)
-    slices.show(one, (yield from slices.picture_steps(*values, look)))
+    found = store.find(key)
+    if found is None:
+        found = yield from slices.sampled_steps(volume, matrix, look, size)
+    store.put(store.wish_of(one, depsgraph, ("slice", is_full)), key, found)
+    sampled, around = found
+    share = slices.share_of(sampled, around, look)
+    slices.show(one, (yield from slices.picture_steps(sampled.values, share, look)))
     wish = store.wish_of(one, depsgraph, "opaque")
     if slices.is_whole(look):
         store.withdraw([wish])
     else:
-        store.put(wish, slices.opaque_key(volume, matrix, look), slices.opaque_part(*values, look))
+        store.put(wish, slices.opaque_key(volume, matrix, look), slices.opaque_part(sampled.values, share, look))
 
 
 def _refine_steps():

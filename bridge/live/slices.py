@@ -185,8 +185,10 @@ def volume_of(one):
 
 
 def size_of(volume, matrix: np.ndarray, look: Look, most: int | None = None) -> tuple[int, int]:
-    """Pixels of a slice, from what ``content`` returns; of a draft ``most`` at most."""
-    return plain.slice_size(volume, matrix, most, 1.0 if look.face is None else FINER)
+    """Pixels of a slice, from what ``content`` returns; ``most``: of a draft. A face beside the volume has one."""
+    if look.face is None:
+        return plain.slice_size(volume, matrix, most)
+    return plain.slice_size(volume, matrix, most if len(plain.cut_polygon(volume.shape_xyz, matrix)) else 1, FINER)
 
 
 def sampled_steps(volume, matrix: np.ndarray, look: Look, size: tuple[int, int]):
@@ -204,8 +206,13 @@ def sampled_steps(volume, matrix: np.ndarray, look: Look, size: tuple[int, int])
     return sampled, Sampled(*(yield from plain.resample_steps(volume, around, side, side)), around)
 
 
-def picture_steps(sampled: Sampled, around: Sampled | None, look: Look):
-    """Generator of fractions done: the pixels of a slice, from what ``sampled_steps`` and ``content`` return.
+def share_of(sampled: Sampled, around: Sampled | None, look: Look) -> np.ndarray:
+    """How much of each pixel is shown if it is not black, from what ``sampled_steps`` and ``content`` return."""
+    return sampled.inside if look.face is None else face_share(sampled, around, look.face, not look.clears)
+
+
+def picture_steps(values: np.ndarray, share: np.ndarray, look: Look):
+    """Generator of fractions done: the pixels of a slice, from its values and ``share_of`` them.
 
     Returns
     -------
@@ -213,23 +220,17 @@ def picture_steps(sampled: Sampled, around: Sampled | None, look: Look):
         Scene-linear gray and alpha, 1 inside the volume and 0 outside, where black is transparent, and where the volume
         shows nothing on a cut; row 0 on top.
     """
-    height, width = sampled.values.shape
+    height, width = values.shape
     rgba = np.zeros((height, width, 4), np.float32)
-    share = _share(sampled, around, look)
     rows = max(plain.PIXELS_A_STEP // width, 1)
     for begin in range(0, height, rows):
         band = slice(begin, begin + rows)
-        levels = plain.gray_levels(sampled.values[band], look.low, look.high)
+        levels = plain.gray_levels(values[band], look.low, look.high)
         shows = share[band] * (levels > 0.0) if look.clears else share[band]
         rgba[band, :, :3] = (decode_srgb(levels) * shows)[..., np.newaxis]
         rgba[band, :, 3] = shows
         yield min(begin + rows, height) / height
     return rgba
-
-
-def _share(sampled: Sampled, around: Sampled | None, look: Look) -> np.ndarray:
-    """How much of each pixel is shown, but for black."""
-    return sampled.inside if look.face is None else face_share(sampled, around, look.face, not look.clears)
 
 
 def show(one, rgba: np.ndarray) -> None:
@@ -239,7 +240,7 @@ def show(one, rgba: np.ndarray) -> None:
     images.write_color(images.ensure_image(image, image.name, width, height), rgba)
 
 
-def opaque_part(sampled: Sampled, around: Sampled | None, look: Look) -> np.ndarray:
+def opaque_part(values: np.ndarray, share: np.ndarray, look: Look) -> np.ndarray:
     """The part of a slice that is not transparent, from what ``picture_steps`` takes.
 
     Returns
@@ -247,10 +248,10 @@ def opaque_part(sampled: Sampled, around: Sampled | None, look: Look) -> np.ndar
     ndarray, shape (n, 3, 3), float64
         Triangles in the slice's own space.
     """
-    levels = _share(sampled, around, look) - 0.5
+    levels = share - 0.5
     if look.clears:
-        over = np.nan_to_num((sampled.values - look.low) / (look.high - look.low), nan=-1.0)
-        levels = np.where(sampled.inside, over, -1.0) if look.face is None else np.minimum(levels, over)
+        over = np.nan_to_num((values - look.low) / (look.high - look.low), nan=-1.0)
+        levels = np.where(share, over, -1.0) if look.face is None else np.minimum(levels, over)
     part = plain.positive_part(levels)
     return np.concatenate((part, np.zeros((*part.shape[:2], 1))), axis=2)
 
@@ -291,7 +292,8 @@ def _opaque_part(one, depsgraph, volume, matrix: np.ndarray, look: Look) -> np.n
     key = opaque_key(volume, matrix, look)
     part = store.find(key)
     if part is None:
-        part = opaque_part(*drain(sampled_steps(volume, matrix, look, size_of(volume, matrix, look))), look)
+        sampled, around = drain(sampled_steps(volume, matrix, look, size_of(volume, matrix, look)))
+        part = opaque_part(sampled.values, share_of(sampled, around, look), look)
         store.put(store.wish_of(one, depsgraph, "opaque"), key, part)
     return part
 

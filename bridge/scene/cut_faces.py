@@ -39,9 +39,13 @@ def read_face(cut, owner, volume, depsgraph, frame: np.ndarray, ahead: int) -> C
     found = labels.read_labels(owner, depsgraph, volume, function, ahead)
     if found is None:
         return CutFace(_shown(function), cuts)
-    shown_of = tuple((number, () if of is None else _shown(of)) for number, of in found.functions.items())
+    shown_of = {}
+    for number, of in found.functions.items():
+        shown_of.setdefault(() if of is None else _shown(of), []).append(number)
     key = labels.file_of(owner, depsgraph, ahead).key(volume)
-    return CutFace(_shown(function), cuts, shown_of, key, found.volume.voxels)
+    return CutFace(
+        _shown(function), cuts, tuple((shown, tuple(of)) for shown, of in shown_of.items()), key, found.volume.voxels
+    )
 
 
 def _ends_of(volume) -> tuple:

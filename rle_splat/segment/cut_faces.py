@@ -24,8 +24,8 @@ class CutFace:
     cuts : tuple of (bool, tuple of (float, float, float, float))
         The other cuts of the volume: whether a box is cut away, and its half-spaces in voxel indices, whose values are
         distances in voxels, at most 0 inside; without that only what is inside stays.
-    shown_of : tuple of (int, tuple of (float, float))
-        Labels with visible values of their own; none of a hidden one.
+    shown_of : tuple of (tuple of (float, float), tuple of int)
+        The visible values, none of hidden ones, of labels with values of their own.
     labels_key : object
         Tells one label map from another.
     labels : (nz, ny, nx) ndarray of int or None
@@ -123,21 +123,28 @@ def face_share(sampled: Sampled, around: Sampled, face: CutFace, is_filled: bool
         0 to 1.
     """
     share = _visible(sampled, face)
-    x, y = _centers(share.shape)
     if is_filled:
-        to_around = np.linalg.pinv(around.matrix[:3, :2]) @ (sampled.matrix - around.matrix * (0.0, 0.0, 0.0, 1.0))[:3]
-        enclosed = _enclosed(_visible(around, face) > 0.5)
-        height, width = enclosed.shape
-        columns, rows = (row[0] * x + row[1] * y + row[3] for row in to_around)
-        columns = np.clip((0.5 * width * (columns + 1.0)).astype(int), 0, width - 1)
-        rows = np.clip((0.5 * height * (1.0 - rows)).astype(int), 0, height - 1)
-        share = np.where(enclosed[rows, columns] & sampled.inside, 1.0, share)
-    places = _places(sampled)
+        enclosed = _enclosed(_visible(around, face) > 0.5)[_pixels_of(sampled, around)]
+        share[enclosed & sampled.inside] = 1.0
+    x, y = _centers(share.shape)
     pixel = np.linalg.norm(sampled.matrix[:3, :2], axis=0).max() * 2.0 / max(share.shape)  # in voxels
     for is_hole, sides in face.cuts:
-        beyond = np.max([a * places[0] + b * places[1] + c * places[2] + d for a, b, c, d in sides], axis=0)
-        share = np.minimum(share, np.clip(0.5 + (beyond if is_hole else -beyond) / pixel, 0.0, 1.0))
+        beyond = [a * x + b * y + d for a, b, _, d in (np.array(sides) @ sampled.matrix).tolist()
+                  if is_hole or abs(a) + abs(b) + d > -pixel]  # fmt: skip
+        if beyond:
+            room = np.max(beyond, axis=0) if is_hole else -np.max(beyond, axis=0)
+            np.minimum(share, np.clip(0.5 + room / pixel, 0.0, 1.0), out=share)
     return share
+
+
+def _pixels_of(sampled: Sampled, around: Sampled) -> tuple:
+    """The pixels around that those of a face lie in, as an index; their axes are parallel."""
+    to_around = np.linalg.pinv(around.matrix[:3, :2]) @ (sampled.matrix[:3] - around.matrix[:3] * (0.0, 0.0, 0.0, 1.0))
+    height, width = around.values.shape
+    x, y = _centers(sampled.values.shape)
+    columns = 0.5 * width * (to_around[0, 0] * x + to_around[0, 3] + 1.0)
+    rows = 0.5 * height * (1.0 - to_around[1, 1] * y[:, 0] - to_around[1, 3])
+    return np.ix_(np.clip(rows.astype(int), 0, height - 1), np.clip(columns.astype(int), 0, width - 1))
 
 
 def _centers(shape) -> tuple[np.ndarray, np.ndarray]:
@@ -146,20 +153,16 @@ def _centers(shape) -> tuple[np.ndarray, np.ndarray]:
     return (2.0 * np.arange(width) + 1.0) / width - 1.0, 1.0 - (2.0 * np.arange(height)[:, None] + 1.0) / height
 
 
-def _places(sampled: Sampled) -> list[np.ndarray]:
-    """Voxel indices x, y and z of the pixels."""
-    x, y = _centers(sampled.values.shape)
-    return [row[0] * x + row[1] * y + row[3] for row in sampled.matrix[:3]]
-
-
 def _visible(sampled: Sampled, face: CutFace) -> np.ndarray:
     """How much of each pixel is visible by its value and its label."""
     share = _visible_share(sampled.values, face.shown)
     if face.labels is not None:
-        nearest = (np.clip(np.rint(p), 0, n - 1).astype(int) for p, n in zip(_places(sampled)[::-1], face.labels.shape))
+        x, y = _centers(share.shape)
+        places = (row[0] * x + row[1] * y + row[3] for row in sampled.matrix[2::-1])
+        nearest = (np.clip(np.rint(place), 0, n - 1).astype(int) for place, n in zip(places, face.labels.shape))
         numbers = face.labels[tuple(nearest)]
-        for number, shown in face.shown_of:
-            share = np.where(numbers == number, _visible_share(sampled.values, shown), share)
+        for shown, of in face.shown_of:
+            share = np.where(np.isin(numbers, of), _visible_share(sampled.values, shown), share)
     return np.where(sampled.inside, share, 0.0)
 
 

@@ -86,9 +86,9 @@ def test_other_cuts_limit_a_face(ball):
 def test_labels_show_other_values_or_nothing(ball):
     labels = np.zeros((N, N, N), np.uint8)
     labels[:, :, N // 2 :] = 3
-    hidden = CutFace(OUTER, shown_of=((3, ()),), labels_key=1, labels=labels)
+    hidden = CutFace(OUTER, shown_of=(((), (3,)),), labels_key=1, labels=labels)
     assert area(share(ball, plane(), hidden)) == pytest.approx(0.5 * np.pi * RADIUS**2, rel=0.005)
-    inner = CutFace(OUTER, shown_of=((3, ((95.0, INF),)),), labels_key=1, labels=labels)
+    inner = CutFace(OUTER, shown_of=((((95.0, INF),), (3,)),), labels_key=1, labels=labels)
     both = 0.5 * np.pi * (RADIUS**2 + 5.0**2)
     assert area(share(ball, plane(), inner)) == pytest.approx(both, rel=0.005)
 
