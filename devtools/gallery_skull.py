@@ -19,7 +19,7 @@ PATCH = Vector((-22.0, -150.0, 24.0))  # before the forehead, where the plate is
 DEFECT = Vector((12.0, 14.0, 12.0))  # half the sides of the hole below the plate, in mm
 CELL, COLUMNS, ROWS = 5.8, 9, 9  # of the plate: mm from hole to hole; holes
 SOLID = 250.0  # HU: between air and the plastic of the skull, 700 HU
-WINDOW = 300.0, 1000.0  # HU, level and width
+WINDOW = 400.0, 1200.0  # HU, level and width
 SHIFT = -100.0  # HU: thin walls are less dense
 THICKNESS = 0.05  # mm that have the opacity of the curve: light through a clear wall would show the layers of 1 mm
 
