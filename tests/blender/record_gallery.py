@@ -36,7 +36,7 @@ def scenario():
     from gallery_studio import Stage
 
     bpy.context.preferences.system.use_region_overlap = False  # the sidebar stands beside the view
-    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_clip_objects", "RLE_SPLAT_PT_slices")
+    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_clip_objects")
     yield from new_file()
     with in_the_view():
         assert bpy.ops.rle_splat.import_folder(directory=str(SCAN)) == {"FINISHED"}
@@ -48,6 +48,7 @@ def scenario():
     scene.render.resolution_x, scene.render.resolution_y = 1400, 1050
     for one in bpy.context.view_layer.objects:
         one.select_set(one == stage.volume)
+        one.hide_set(one in list(scene.rle_splat.clip_objects.objects))  # with their handles
     bpy.context.view_layer.objects.active = stage.volume
     with bpy.context.temp_override(window=window(), area=area_of("PROPERTIES")):
         bpy.ops.screen.area_split(direction="HORIZONTAL", factor=1.0 - OUTLINER)
