@@ -32,23 +32,42 @@ MM = 0.001
 PLATE = -112.0  # the height of the slice above the middle of the scan
 # Names, the place of each in mm from the middle of the scan, and that of its text in the picture, in widths.
 NAMES = (
-    ("Brachiocephalic vein", (-55.0, -8.0, 112.0), (-0.24, 0.27)),
-    ("Sternal wires", (-56.0, -65.0, 49.0), (-0.24, 0.2)),
-    ("Ascending aorta", (-28.0, -23.0, 42.0), (-0.24, 0.12)),
-    ("Pulmonary trunk", (7.0, -20.0, 39.0), (-0.24, 0.05)),
-    ("Right ventricle", (-16.0, -46.0, -33.0), (-0.24, -0.02)),
-    ("Stent graft", (-7.0, 34.0, 80.0), (0.26, 0.25)),
-    ("False lumen", (10.0, 53.0, 64.0), (0.26, 0.19)),
-    ("Pulmonary vessels", (18.0, 48.0, 32.0), (0.26, 0.04)),
-    ("Left ventricle", (8.0, -5.0, -33.0), (0.26, -0.04)),
-    ("Splenic artery", (30.0, 1.0, -84.0), (0.26, -0.12)),
+    ("Brachiocephalic vein", (-46.0, -21.0, 95.0), (-0.25, 0.27)),
+    ("Brachiocephalic trunk", (-26.0, -19.0, 88.0), (-0.25, 0.21)),
+    ("Ascending aorta", (-12.0, -28.0, 52.0), (-0.25, 0.145)),
+    ("Pulmonary trunk", (15.0, -30.0, 37.0), (-0.25, 0.08)),
+    ("Right ventricle", (10.0, -60.0, -33.0), (-0.25, -0.04)),
+    ("Stent in true lumen", (14.0, 17.0, 82.0), (0.257, 0.255)),
+    ("False lumen", (18.0, 58.0, 40.0), (0.257, 0.195)),
+    ("Left pulmonary artery", (29.0, 26.0, 43.0), (0.257, 0.125)),
+    ("Left atrial appendage", (31.0, -8.0, 26.0), (0.257, 0.055)),
+    ("Left pulmonary vein", (34.0, 31.0, -7.0), (0.257, -0.005)),
+    ("Left ventricle", (58.0, -35.0, -33.0), (0.257, -0.075)),
+    ("Splenic artery", (41.0, 10.0, -103.0), (0.257, -0.15)),
 )
-PLUM = (0.2, 0.035, 0.13)  # of the false lumen: blue is for veins
-IN_BONE = (42, 121, 59)  # a voxel, as a click finds it
-IN_WIRE = (40, 9, 94)
-IN_HEART = (76, 59, 77)
-IVORY = (0.72, 0.62, 0.46)  # of bone
-STEEL = (0.3, 0.33, 0.37)
+IN_WIRE, IN_RIGHT, IN_LEFT, IN_BONE = (40, 9, 94), (70, 32, 94), (83, 52, 60), (42, 121, 59)  # voxels of clicks
+RIGHT, LEFT, FALSE, BONES, STENT = "Right Heart", "Left Heart", "False Lumen", "Bones", "Stent"
+COLORS = {
+    RIGHT: (0.09, 0.17, 0.42),
+    LEFT: (0.6, 0.07, 0.045),
+    FALSE: (0.23, 0.04, 0.16),
+    BONES: (0.72, 0.62, 0.46),
+    STENT: (0.42, 0.45, 0.48),
+}
+# Tools that smooth each segment, with lengths in mm: thin parts are lost, and so are notches.
+SMOOTHING = (
+    (BONES, (("GROW", 4.6), ("FILL", 0.0), ("SHRINK", 4.6), ("SMOOTH", 1.6), ("LARGEST", 0.0))),
+    (LEFT, (("GROW", 2.2), ("SHRINK", 2.2), ("SMOOTH", 1.6), ("LARGEST", 0.0))),
+    (RIGHT, (("SMOOTH", 2.7), ("LARGEST", 0.0))),
+    (FALSE, (("LARGEST", 0.0), ("SMOOTH", 1.6))),
+)
+# Corners of boxes that are cut off, in mm from the middle: what is above the aorta, the right clavicle, and the ribs
+# before the aorta.
+CUTS = (
+    ((-100.0, -100.0, 105.0), (100.0, 100.0, 140.0)),
+    ((-100.0, -100.0, 86.0), (-30.0, -22.0, 140.0)),
+    ((70.0, -100.0, 50.0), (100.0, 40.0, 140.0)),
+)
 SHADED = 0.9  # the part of the slice that is lit
 
 
@@ -84,8 +103,8 @@ def _change(ours, name: str, tool: str, length: float = 0.0) -> None:
     bpy.ops.rle_splat.change_segment(tool=tool, **({"length": length} if length else {}))
 
 
-def _name(stage: Stage, camera, body: str, place, at: tuple[float, float], coat) -> None:
-    """A name in the plane half-way to the middle, and a line from it to what is seen at a place."""
+def _name(stage: Stage, camera, body: str, place, at: tuple[float, float], coat, edge=None) -> None:
+    """A name in the plane half-way to the middle, and a line from it, with an edge, to what is seen at a place."""
     data = camera.data
     depth = 0.5 * (camera.matrix_world.translation - stage.middle).length
     width = depth * data.sensor_width / data.lens
@@ -95,16 +114,36 @@ def _name(stage: Stage, camera, body: str, place, at: tuple[float, float], coat)
     letters(body, text, 0.0235 * width, coat, "RIGHT" if side < 0.0 else "LEFT")
     into = camera.matrix_world.inverted() @ (stage.middle + MM * Vector(place))
     end = camera.matrix_world @ (into * (depth / -into.z))
-    rod(f"Line to {body}", camera.matrix_world @ begin, end, 0.0007 * width, coat)
+    begin = camera.matrix_world @ begin
+    rod(f"Line to {body}", begin, end, 0.0007 * width, coat)
+    if edge:
+        away = 0.004 * (end - camera.matrix_world.translation)
+        rod(f"Edge of line to {body}", begin + away, end + away, 0.0018 * width, edge)
     bpy.ops.mesh.primitive_uv_sphere_add(radius=0.004 * width, location=end)
     named(f"End at {body}", coat).visible_shadow = False
 
 
-def _keep(ours, name: str, voxel: tuple[int, int, int], margin: float) -> None:
-    """Keep What Is Under the Mouse, and Grow, so that the segment does not cut the surface."""
+def _keep(ours, name: str, voxel: tuple[int, int, int], shift: float, *shown: str) -> None:
+    """Keep What Is Under the Mouse, of what is shown with a shift in HU; without one, that is 170 HU and more."""
+    _show(ours, "Background", *shown)
+    ours.shift_by = shift
     bpy.ops.rle_splat.keep_connected(voxel=voxel)
     ours.labels[ours.active_label].label_name = name
-    _change(ours, name, "GROW", margin)
+
+
+def _close(ours, name: str, length: float) -> None:
+    """Grow and Shrink, which closes notches."""
+    _change(ours, name, "GROW", length)
+    _change(ours, name, "SHRINK", length)
+
+
+def _cut(stage: Stage, low, high) -> None:
+    """Cut off what a box holds, whose corners are in mm from the middle."""
+    bpy.context.view_layer.objects.active = stage.volume
+    bpy.ops.rle_splat.add_clip(kind="BOX", keep="OUTSIDE")
+    box, low, high = bpy.context.view_layer.objects.active, MM * Vector(low), MM * Vector(high)
+    half = (high - low) / (2.0 * box.empty_display_size)
+    box.matrix_world = Matrix.Translation(stage.middle + (low + high) / 2.0) @ Matrix.Diagonal((*half, 1.0))
 
 
 def _show(ours, *shown: str) -> None:
@@ -114,37 +153,42 @@ def _show(ours, *shown: str) -> None:
 
 
 def heart(stage: Stage):
-    """Heart and vessels of a patient by their values, the bones and the false lumen of the aorta as segments, on an
-    axial slice of the same scan."""
+    """Right and left heart of a patient with their vessels, told apart by the density of the contrast medium, the false
+    lumen of the aorta and bones, on an axial slice of the same scan."""
     stage.read_labels(gallery_data.DATA / "cta_aorta_labels/labels_true_false_lumen_uint8.nii.gz")
     ours = stage.volume.rle_splat
-    false, true = (next(row.label_name for row in ours.labels if part in row.label_name) for part in ("false", "true"))
-    _show(ours, "Background")
-    ours.shift_by = 130.0  # HU: the sternum is apart
-    _keep(ours, "Sternum", IN_WIRE, 3.0)
-    bpy.ops.rle_splat.threshold_segment(low=1000.0, high=ours.value_high)
-    ours.labels[ours.active_label].label_name = "Wires"
-    _change(ours, "Wires", "GROW", 1.6)
-    ours.shift_by = 80.0  # vessels and other bones are apart
-    _show(ours, "Background")
-    _keep(ours, "Bones", IN_BONE, 3.0)
-    _show(ours, "Background", true)
-    _keep(ours, "Heart and Vessels", IN_HEART, 2.0)
-    ours.shift_by = 0.0
-    _change(ours, false, "LARGEST")
-    _change(ours, false, "GROW", 2.0)
-    colors = {false: PLUM, "Bones": IVORY, "Sternum": IVORY, "Wires": STEEL}
+    true = next(row.label_name for row in ours.labels if "true" in row.label_name)
+    next(row for row in ours.labels if "false" in row.label_name).label_name = FALSE
+    _keep(ours, "Sternum", IN_WIRE, 130.0)
+    _change(ours, "Sternum", "GROW", 3.0)
+    _keep(ours, "Dense", IN_RIGHT, 340.0)
+    _close(ours, "Dense", 4.6)
+    _keep(ours, "Less Dense", IN_LEFT, 190.0, true)
+    _change(ours, "Less Dense", "GROW", 1.6)
+    _keep(ours, RIGHT, IN_RIGHT, 80.0, "Dense")
+    _close(ours, RIGHT, 3.1)
+    _keep(ours, LEFT, IN_LEFT, 80.0, "Less Dense", true)
+    _keep(ours, BONES, IN_BONE, 5.0)
+    for name, tools in SMOOTHING:
+        for tool, length in tools:
+            _change(ours, name, tool, length)
+    _show(ours, LEFT)
+    bpy.ops.rle_splat.threshold_segment(low=800.0, high=ours.value_high)
+    ours.labels[ours.active_label].label_name = STENT
+    _show(ours, *COLORS)
     for row in ours.labels:
-        row.show = row.label_name != "Background"
-        if row.label_name in colors:
-            row.use_color, row.color = True, colors[row.label_name]
-    ours.smoothness, ours.opacity_unit_distance = 4.0, 1.0
+        if row.show:
+            row.shown_color = COLORS[row.label_name]
+    for low, high in CUTS:
+        _cut(stage, low, high)
+    ours.smoothness, ours.shift_by = 3.0, 0.0
     laid = _lay_slice(stage)
-    camera = stage.camera((1.75, -1.05, 0.55), lens=42.0, aim=(0.01, 0.017, -0.06))
+    camera = stage.camera((1.65, -1.2, 0.5), lens=43.0, aim=(0.02, 0.03, -0.08))
     bpy.context.view_layer.update()
-    white, ground = emission("Letters", (0.85, 0.87, 0.9)), PLATE + 1.0
+    white, black = emission("Letters", (0.85, 0.87, 0.9)), emission("Edges", (0.01, 0.011, 0.014))
+    ground = PLATE + 1.0
     for body, place, at in NAMES:
-        _name(stage, camera, body, place, at, white)
+        _name(stage, camera, body, place, at, white, black)
     at, facing = Matrix.Translation(stage.middle), Matrix.Rotation(1.03, 4, "Z")
     for body, x, y in (("A", -30.0, -112.0), ("L", 120.0, 60.0)):
         letters(body, at @ Matrix.Translation(MM * Vector((x, y, ground))) @ facing, 20.0 * MM, white)
@@ -155,15 +199,15 @@ def heart(stage: Stage):
     floor.active_material.node_tree.nodes["Principled BSDF"].inputs["Specular IOR Level"].default_value = 0.0
     bpy.context.scene.cycles.use_denoising = True
     stage.ground += (laid,)
-    key = stage.key(3.4, (1.3, -1.5, 1.7), (1.0, 0.97, 0.94))
+    key = stage.key(3.6, (0.0, -1.9, 1.7), (1.0, 0.97, 0.94))
     spare("Key", key, (floor,))  # a shadow of ribs alone would look like an object
-    stage.area("Rim", 50.0, (-0.8, 1.6, 1.0), COLD)
+    stage.area("Rim", 90.0, (-0.8, 1.6, 1.0), COLD)
     softbox_world(
         ((0.02, 0.02, 0.022), (0.05, 0.055, 0.065), (0.25, 0.27, 0.3)),
         (((1.6, -1.3, 1.1), 24.0, (4.0, 3.8, 3.6)), ((1.2, 1.2, 0.6), 18.0, (3.0, 3.4, 4.0))),
         0.35,
     )
-    stage.settings.ambient_occlusion, stage.settings.quality = 0.8, "strict"
+    stage.settings.ambient_occlusion, stage.settings.quality = 0.9, "strict"
     view_transform("Standard")
     yield RENDER
 
