@@ -97,23 +97,6 @@ class EffectSet:
         found = self[name]._replace(on=False, reason=reason, tried=True)
         return EffectSet(tuple(found if effect.name == name else effect for effect in self.effects))
 
-    def fit(self, scene: Scene, quality: Quality) -> tuple[Quality, tuple[str, ...]]:
-        """The quality that the effects which are on can be rendered with.
-
-        Returns
-        -------
-        quality : Quality
-        remarks : tuple of str
-            Sentences on what was changed, and why.
-        """
-        remarks = []
-        for effect in self.effects:
-            kind = EFFECTS[effect.name]
-            if effect.on and kind.fitted is not None:
-                quality, remark = kind.fitted(scene, quality)
-                remarks.append(remark)
-        return quality, tuple(dict.fromkeys(remark for remark in remarks if remark))
-
     def report(self, clock: Clock) -> list[dict]:
         """Rows for the report.
 
