@@ -282,7 +282,7 @@ _value_at = by_any_type(_as_float)
 
 
 @inner_loop
-def _smoothstep(t):
+def smoothstep(t):
     t = min(max(t, 0.0), 1.0)
     return t * t * (3.0 - 2.0 * t)
 
@@ -307,10 +307,10 @@ def _side(value, ranges):
     down, up = value - below, above - value
     if inside:
         balance = _balance(up, down, has_above, has_below)
-        side = 2.0 * _smoothstep(0.5 * (balance / SIDE + 1.0)) - 1.0
+        side = 2.0 * smoothstep(0.5 * (balance / SIDE + 1.0)) - 1.0
         return side, down if side >= 0.0 else up
     balance = _balance(down, up, has_below, has_above)
-    return 2.0 * _smoothstep(0.5 * (balance / SIDE + 1.0)) - 1.0, 0.0
+    return 2.0 * smoothstep(0.5 * (balance / SIDE + 1.0)) - 1.0, 0.0
 
 
 @inner_loop
@@ -330,7 +330,7 @@ def _clip_faces(px, py, pz, faces, matrix, keep, fx, fy, fz, nearest):
     for k in range(widths.size):
         nx, ny, nz = normals[k, 0], normals[k, 1], normals[k, 2]
         distance = abs(plane_offsets[k] - (nx * px + ny * py + nz * pz))
-        share = 1.0 - _smoothstep((distance / widths[k] - NEAR) / (FAR - NEAR))
+        share = 1.0 - smoothstep((distance / widths[k] - NEAR) / (FAR - NEAR))
         keep *= 1.0 - share
         fx, fy, fz = fx + share * nx, fy + share * ny, fz + share * nz
         nearest = min(nearest, distance) if share > 0.0 else nearest
@@ -347,7 +347,7 @@ def _clip_faces(px, py, pz, faces, matrix, keep, fx, fy, fz, nearest):
         distance = math.sqrt(nx * nx + ny * ny + nz * nz)
         if distance > 0.0:
             nx, ny, nz = nx / distance, ny / distance, nz / distance
-            share = 1.0 - _smoothstep((distance / _width(nx, ny, nz, matrix) - NEAR) / (FAR - NEAR))
+            share = 1.0 - smoothstep((distance / _width(nx, ny, nz, matrix) - NEAR) / (FAR - NEAR))
             keep *= 1.0 - share
             fx, fy, fz = fx + share * nx, fy + share * ny, fz + share * nz
             nearest = min(nearest, distance) if share > 0.0 else nearest
@@ -429,7 +429,7 @@ def _place_rows(
             depth = min(away / steep, most) if steep > 0.0 else most if away > 0.0 else 0.0
             if keep < 1.0:
                 depth = keep * depth + (1.0 - keep) * nearest
-            b = FURTHER * _smoothstep(size / TRUSTED) * min(depth + width, most)
+            b = FURTHER * smoothstep(size / TRUSTED) * min(depth + width, most)
             offsets[i, 0] = _moved(b, nx * to_index[0] + ny * to_index[1] + nz * to_index[2])
             offsets[i, 1] = _moved(b, nx * to_index[3] + ny * to_index[4] + nz * to_index[5])
             offsets[i, 2] = _moved(b, nx * to_index[6] + ny * to_index[7] + nz * to_index[8])
