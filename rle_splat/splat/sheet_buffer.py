@@ -32,7 +32,6 @@ from .sheet_row import (
     composite_opacity,
     mix_blocks,
     note_half_depth,
-    note_half_depth_inside,
     place_wide_taps,
     resample_wide,
 )
@@ -345,15 +344,10 @@ def _composite_slab(
     bright = pixels >> 8
     if bright != rows.bright[r, b]:
         rows.bright[r, b] = bright
-        if shortened:
-            note_half_depth_inside(
-                intervals, block.before, state, to + TRANSMITTANCE, begin, end, half, v, first_pixel, count,
-                block.samples,
-            )  # fmt: skip
-        else:
-            note_half_depth(
-                block.before, state, to + TRANSMITTANCE, begin, end, half, v, first_pixel, count, block.samples
-            )  # fmt: skip
+        note_half_depth(
+            None, intervals, block.before, state, to + TRANSMITTANCE, begin, end, half, v, first_pixel, count,
+            block.samples,
+        )  # fmt: skip
     return count_live(intervals, pixels & 255, rows.bounds, r, b, end, state, to, least, v, first_pixel, count)
 
 
