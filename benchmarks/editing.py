@@ -113,20 +113,8 @@ FIRST = "first picture"
 def measure(scene: Scene, quality: Quality, edits: int = EDITS) -> list[dict]:
     """Measure all kinds of edits.
 
-    Parameters
-    ----------
-    scene : Scene
-        The scene.
-    quality : Quality
-        The knobs.
-    edits : int
-        Number of edits of each kind.
-
-    Returns
-    -------
-    list of dict
-        One JSON-ready row per kind of edit: median milliseconds of each of STAGES, the stages made per edit, and the
-        number of visible voxels after the last edit.
+    One JSON-ready row per kind: median milliseconds of each of STAGES, the stages made per edit, and the number of
+    visible voxels after the last edit.
     """
     render(scene, quality)  # compiles and loads kernels
     reports = [_reported(scene, quality, StageCache()) for _ in range(edits)]

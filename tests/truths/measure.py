@@ -11,30 +11,11 @@ from rle_splat.scene import Scene
 
 def measure(scene: Scene, rgba, truth_name: str, tolerance: float, count: int = PROBES, seed: int = 0,
             far=np.inf, **shading) -> dict:  # fmt: skip
-    """Measure the error of a picture at probe pixels.
+    """Measure the error of a premultiplied scene-linear picture (of its crop where it has one) at probe pixels.
 
-    Parameters
-    ----------
-    scene : Scene
-    rgba : (H, W, 4) float
-        Premultiplied scene-linear picture of the scene, of its crop where it has one.
-    truth_name : str
-        Of ``truths.TRUTHS``.
-    tolerance : float
-        Levels, 1/255.
-    count : int
-        Probes, three quarters of them random.
-    seed : int
-        Of the random probes.
-    far : float or (H, W) float
-        Planar depth at which rays end.
-    **shading
-        ``colors`` or ``light``, as ``truths.truth`` takes them.
-
-    Returns
-    -------
-    dict
-        JSON-ready: ``probes.error_summary`` and the name of the ``truth``.
+    ``tolerance`` is in levels, 1/255; three quarters of the probes are random; ``far`` is the planar depth, one or
+    (H, W), at which rays end; ``shading`` is as ``truths.truth`` takes it.  JSON-ready: ``probes.error_summary`` and
+    the name of the ``truth``.
     """
     probes = choose_probes(rgba, count, seed)
     left, top = scene.crop[:2] if scene.crop is not None else (0, 0)
