@@ -17,14 +17,7 @@ import numpy as np
 from rle_splat.classify.transfer_function import Shade
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import MOST_RESULTS, StageCache
-from rle_splat.scene import (
-    DEFAULT_CLASSIFICATION,
-    POST_ONLY,
-    RECORDS,
-    Light,
-    Quality,
-    Scene,
-)
+from rle_splat.scene import DEFAULT_CLASSIFICATION, POST_ONLY, RECORDS, Light, Quality, Scene
 from rle_splat.view.turntable import turntable
 
 from .frames import whole_call

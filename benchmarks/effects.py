@@ -19,17 +19,7 @@ from rle_splat.classify.transfer_function import GradientOpacity, Shade
 from rle_splat.effects.analyze import EFFECTS, analyze_effects
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
-from rle_splat.scene import (
-    DEFAULT_CLASSIFICATION,
-    Channel,
-    Clip,
-    Labels,
-    Light,
-    Mist,
-    Pose,
-    Quality,
-    Scene,
-)
+from rle_splat.scene import DEFAULT_CLASSIFICATION, Channel, Clip, Labels, Light, Mist, Pose, Quality, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 

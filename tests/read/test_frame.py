@@ -8,13 +8,7 @@ from rle_splat.read.layout import CHUNK_BYTES
 from rle_splat.runtime.steps import Progress
 from rle_splat.scene import RleSplatError
 from rle_splat.view.turntable import turntable
-from rle_splat.volume.orientation import (
-    axis_letters,
-    face_letters,
-    lps_from_ras,
-    oblique_degrees,
-    orientation_text,
-)
+from rle_splat.volume.orientation import axis_letters, face_letters, lps_from_ras, oblique_degrees, orientation_text
 from rle_splat.volume.volume import PATIENT, Volume
 
 SHAPE = (200, 150, 120)

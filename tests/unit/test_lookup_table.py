@@ -92,15 +92,7 @@ def test_no_whole_number_lies_where_two_entries_meet(dtype):
     for span in (1, 2, 3, 255, 1000, 1025, 4096, 20001, 65535):
         for entries in (0, 100, 1024, 5000):
             first = 0 if dtype == np.uint16 else -32768
-            table = lookup_table(
-                volume(dtype),
-                function(
-                    (first, 0.3),
-                ),
-                (first, first + span),
-                DISTANCE,
-                entries,
-            )
+            table = lookup_table(volume(dtype), function((first, 0.3)), (first, first + span), DISTANCE, entries)
             positions = (np.arange(first, first + span + 1) - table.origin) * table.rate
             beside = np.abs(positions - np.rint(positions))
             assert beside.min() > 0.49 * min(table.rate, 1.0)
