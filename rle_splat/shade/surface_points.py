@@ -125,6 +125,14 @@ def faces_of(clips, index_to_world) -> Faces:
     return Faces(*(read_only(np.ascontiguousarray(each)) for each in (normals, rows[:, 3], widths, boxes)))
 
 
+def row_pieces(voxels: VisibleVoxels, at_once: int):
+    """Yield the fraction done, the first row and the number of rows of pieces of about so many voxels."""
+    pieces = -(-len(voxels) // at_once)
+    ends = np.searchsorted(voxels.row_start, np.linspace(0, len(voxels), pieces + 1)).tolist()
+    for piece, (first, last) in enumerate(pairwise(ends)):
+        yield piece / pieces, first, last - first
+
+
 def shown_ranges(opacity) -> np.ndarray:
     """(k, 2) float64, ascending: the ranges of values that a transfer function shows; its ends may be infinite.
 
@@ -192,12 +200,10 @@ def place_steps(
     if not compiled():
         reference.place_surfaces(surfaces.vectors, surfaces.steepness, stored, *arguments)
         return read_only(codes), read_only(offsets) if with_points else None
-    pieces = -(-len(voxels) // PLACED_AT_ONCE)
-    ends = np.searchsorted(voxels.row_start, np.linspace(0, len(voxels), pieces + 1)).tolist()
-    for piece, (first, last) in enumerate(pairwise(ends)):
-        yield piece / pieces
+    for done, first, count in row_pieces(voxels, PLACED_AT_ONCE):
+        yield done
         with parallel_call(threads):
-            _place(first, last - first, surfaces.vectors, surfaces.steepness, StoredValues.of(stored), *arguments)
+            _place(first, count, surfaces.vectors, surfaces.steepness, StoredValues.of(stored), *arguments)
     return read_only(codes), read_only(offsets) if with_points else None
 
 
