@@ -56,23 +56,28 @@ class Pixels(NamedTuple):
 
 
 @inner_loop
+def _ends_of(intervals, least, is_shortened, begin, end, here, there, pixels, block):
+    """Samples of both ends of a slab: of its sheets, or, where ray intervals cut it, of where rays end in it."""
+    if intervals is not None:
+        if is_shortened and cut_ends(
+            intervals, pixels.v, pixels.first, pixels.count, begin, end, here.samples, here.upper, here.lower,
+            here.down, there.samples, there.upper, there.lower, there.down, least, block.samples,
+        ):  # fmt: skip
+            return Samples(block.samples, BLOCK, BLOCK, NO_SHARE), Samples(block.samples, 0, 0, NO_SHARE)
+    return here, there
+
+
+@inner_loop
 def _look_up(intervals, lookup, kind, is_shortened, begin, end, here, there, pixels, block):
     """The entries of the lookup table for one block of a slab, to ``block``; see ``scalar_block.look_between``."""
     _, _, origin, rate, least, low, high, nearest, furthest, last = lookup
+    entries, spans, shares = block.entries, block.spans, block.shares
     sheet, upper, lower, down = here
-    before, upper_before, lower_before, down_before = there
-    samples, entries, spans, shares = block.samples, block.entries, block.spans, block.shares
     if kind == OWN:
         return look_up(sheet, upper, lower, down, low, high, origin, rate, last, entries, shares)
-    if intervals is not None:
-        if is_shortened and cut_ends(
-            intervals, pixels.v, pixels.first, pixels.count, begin, end, sheet, upper, lower, down, before,
-            upper_before, lower_before, down_before, least, samples,
-        ):  # fmt: skip
-            return look_between(
-                samples, BLOCK, BLOCK, NO_SHARE, samples, 0, 0, NO_SHARE, least, low, high, nearest, furthest, origin,
-                rate, last, entries, spans, shares,
-            )  # fmt: skip
+    (sheet, upper, lower, down), (before, upper_before, lower_before, down_before) = _ends_of(
+        intervals, least, is_shortened, begin, end, here, there, pixels, block
+    )
     return look_between(
         sheet, upper, lower, down, before, upper_before, lower_before, down_before, least, low, high, nearest, furthest,
         origin, rate, last, entries, spans, shares,
@@ -134,23 +139,13 @@ def _find_span(lamps, lookup, here, there, block):
 @inner_loop
 def _look_up_each(intervals, least, kind, is_shortened, begin, end, here, there, pixels, block):
     """As ``_look_up``, each pixel by the table that ``note_looks`` has noted."""
-    sheet, upper, lower, down = here
-    before, upper_before, lower_before, down_before = there
-    samples, looks, rows = block.samples, block.looks, block.table_rows
     if kind == OWN:
-        before, upper_before, lower_before, down_before = here
-    elif intervals is not None:
-        if is_shortened and cut_ends(
-            intervals, pixels.v, pixels.first, pixels.count, begin, end, sheet, upper, lower, down, before,
-            upper_before, lower_before, down_before, least, samples,
-        ):  # fmt: skip
-            return look_between_each(
-                samples, BLOCK, BLOCK, NO_SHARE, samples, 0, 0, NO_SHARE, looks, rows, block.entries, block.spans,
-                block.shares,
-            )  # fmt: skip
+        there = here
+    else:
+        here, there = _ends_of(intervals, least, is_shortened, begin, end, here, there, pixels, block)
     return look_between_each(
-        sheet, upper, lower, down, before, upper_before, lower_before, down_before, looks, rows, block.entries,
-        block.spans, block.shares,
+        here.samples, here.upper, here.lower, here.down, there.samples, there.upper, there.lower, there.down,
+        block.looks, block.table_rows, block.entries, block.spans, block.shares,
     )  # fmt: skip
 
 
