@@ -184,7 +184,7 @@ def sheet_errors(scene, quality, seed=0):
     found, random = [np.empty((0, 4))], np.random.default_rng(seed)
     for image in caught:
         plane = image.base_plane
-        x, y = np.meshgrid(*plane.points())
+        x, y = np.meshgrid(*plane.points)
         a, b, c = np.tensordot(plane.homography, np.stack((x, y, np.ones_like(x))), 1)
         dx, dy = plane.slopes(x, y)
         with np.errstate(divide="ignore", invalid="ignore"):

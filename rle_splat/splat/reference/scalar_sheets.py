@@ -211,7 +211,7 @@ def _light_numpy(light, plane, position, planes):
     """Light and highlights, (H, W, 3) each, of ``planes`` (H, W, channels) at ``position`` along the viewing
     direction."""
     i, j, k = AXES[plane.axis]
-    (x, y), (dx, dy) = (np.meshgrid(*both) for both in (plane.points(), plane.ray_slopes))
+    (x, y), (dx, dy) = (np.meshgrid(*both) for both in (plane.points, plane.ray_slopes))
     steps = np.empty((*x.shape, 3))
     steps[..., i], steps[..., j], steps[..., k] = dx, dy, 1.0
     away = plane.sign * position - plane.reference
