@@ -28,13 +28,7 @@ from .pixel_block import (
     resample_tent,
     resample_voxel_by_voxel,
 )
-from .sheet_row import (
-    composite_opacity,
-    mix_blocks,
-    note_half_depth,
-    place_wide_taps,
-    resample_wide,
-)
+from .sheet_row import composite_opacity, mix_blocks, note_half_depth, place_wide_taps, resample_wide
 from .voxel_scanline import NO_BITS, ONE_BIT, WORD, add_runs, fetch_records
 
 LIVE = 1  # of a block that nothing was composited over: some of its pixels are not opaque
