@@ -320,24 +320,9 @@ def shadowed_plot(subject: Subject, options, path: Path) -> None:
 
 
 def fill(page: str, blocks: dict[str, str]) -> str:
-    """Replace the text between marks ``<!-- begin NAME -->`` and ``<!-- end NAME -->`` of a page.
+    """The page with new text between its marks ``<!-- begin NAME -->`` and ``<!-- end NAME -->``, by the name.
 
-    Parameters
-    ----------
-    page : str
-        The page.
-    blocks : dict of str to str
-        The new text for each name.
-
-    Returns
-    -------
-    str
-        The page.
-
-    Raises
-    ------
-    ValueError
-        If a name is not marked exactly once.
+    Raises ValueError if a name is not marked exactly once.
     """
     for name, text in blocks.items():
         pattern = re.compile(f"(<!-- begin {name} -->\n).*?(<!-- end {name} -->)", re.DOTALL)

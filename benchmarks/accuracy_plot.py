@@ -29,18 +29,9 @@ def can_plot() -> bool:
 
 
 def plot_sweep(sweep, path, suffix: str, title: str) -> None:
-    """Plot a sweep: all plans, the front of each truth, and crops of the plans along one front.
+    """Plot a sweep to a file: all plans, the front of each truth, and crops of the plans along one front.
 
-    Parameters
-    ----------
-    sweep : Sweep
-        The measured plans.
-    path : path-like
-        The file to write.
-    suffix : str
-        Its format, one of SUFFIXES.
-    title : str
-        What was measured.
+    ``suffix`` is one of SUFFIXES; ``title`` says what was measured.
     """
     report = sweep.report
     names = crops_of(sweep)
@@ -72,22 +63,10 @@ def save(figure, path, suffix: str) -> None:
 
 
 def draw_plans(axes, plans, key: str, fronts: dict, named=None, legend: bool = True) -> None:
-    """Draw plans as points and the front of each truth as a line, on logarithmic axes.
+    """Draw the plans of a report as points and the front of each truth as a line, on logarithmic axes.
 
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-        Where to draw.
-    plans : list of dict
-        The plans of a report.
-    key : str
-        The error to show, a key of ERRORS.
-    fronts : dict
-        Truth -> names of the plans on its front.
-    named : collection of str, optional
-        Label only these plans.
-    legend : bool
-        Whether to add a legend.
+    ``key``, one of ERRORS, is the error to show.  ``fronts``: truth -> names of the plans on its front.  ``named``:
+    label only these plans.
     """
     axes.free_labels = []
     for truth_name, front_names in fronts.items():
@@ -174,18 +153,7 @@ def _overlap(one, other) -> float:
 
 
 def crops_of(sweep) -> list[str]:
-    """Names of the plans whose crops are shown: some on the front of the chosen plan's truth, and the chosen plan.
-
-    Parameters
-    ----------
-    sweep : Sweep
-        The measured plans.
-
-    Returns
-    -------
-    list of str
-        Names, fastest plan first.
-    """
+    """Names of the plans whose crops are shown, fastest first: some on the front of the chosen plan's truth, and it."""
     chosen = sweep.plan(sweep.report["chosen"])
     front = sweep.report["fronts"][chosen["truth"]]
     spread = np.unique(np.linspace(0, len(front) - 1, min(len(front), MOST_CROPS)).round().astype(int))

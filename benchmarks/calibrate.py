@@ -64,20 +64,10 @@ def rules_of(classification: str) -> tuple[str, ...]:
 
 
 def observe(scene: Scene, base: Quality) -> dict:
-    """Measure one scene.
+    """Measure one scene, with the classification and threads of ``base``.
 
-    Parameters
-    ----------
-    scene : Scene
-        The scene.
-    base : Quality
-        Classification and threads.
-
-    Returns
-    -------
-    dict
-        JSON-ready: ``features``, and ``plans`` as tuples (depth rule, sheet density, warp filter, largest error in
-        levels, milliseconds of splat, milliseconds of warp).
+    JSON-ready: ``features``, and ``plans`` as tuples (depth rule, sheet density, warp filter, largest error in levels,
+    milliseconds of splat, milliseconds of warp).
     """
     cache = StageCache()
 
@@ -112,22 +102,7 @@ def observe(scene: Scene, base: Quality) -> dict:
 
 
 def fitted(observations: list[dict], base: Quality) -> tuple[dict, dict]:
-    """Fit the constants of one classification.
-
-    Parameters
-    ----------
-    observations : list of dict
-        The results of ``observe``.
-    base : Quality
-        Classification and threads.
-
-    Returns
-    -------
-    constants : dict
-        Keyword arguments of Model.
-    fit : dict
-        JSON-ready statistics of the fit.
-    """
+    """(keyword arguments of Model, JSON-ready statistics of the fit) of a classification, as ``observe`` saw it."""
     scenes = [(Features(**seen["features"]), {tuple(p[:3]): p[3] for p in seen["plans"]}) for seen in observations]
     cubic = _densities(scenes, "cubic")
     warp = {name: cubic if name == "cubic" else _densities(scenes, name, cubic) for name in WARP_FILTERS}

@@ -49,41 +49,19 @@ GIB = 1 << 30
 
 @dataclass(frozen=True)
 class Rates:
-    """What one core of this machine does, in processor time.
+    """What one core of this machine does, in processor time."""
 
-    Attributes
-    ----------
-    read : float
-        Bytes of a volume that are read, per second.
-    prepare : float
-        Seconds for classifying, shading and encoding, per voxel of the volume.
-    sample, pixel : float
-        Seconds for splatting, per pixel of the picture and slice of the volume, and for warping, per pixel.
-    move : float
-        Bytes that go from a worker to the client, per second of both together.
-    write : float
-        Seconds for writing, per pixel.
-    client, worker : float
-        Seconds until the client and a worker have loaded what they need, kernels from the disk among it.
-    visible : float
-        Share of the voxels that are visible.
-    check : float
-        Bytes of tables on the disk that are read and checked, per second.
-    cover : float
-        Seconds for compositing two slabs, per pixel.
-    """
-
-    read: float
-    prepare: float
-    sample: float
-    pixel: float
-    move: float
-    write: float
-    client: float
-    worker: float
-    visible: float
-    check: float
-    cover: float
+    read: float  # bytes of a volume that are read, per second
+    prepare: float  # seconds for classifying, shading and encoding, per voxel of the volume
+    sample: float  # seconds for splatting, per pixel of the picture and slice of the volume
+    pixel: float  # seconds for warping, per pixel
+    move: float  # bytes that go from a worker to the client, per second of both together
+    write: float  # seconds for writing, per pixel
+    client: float  # seconds until the client has loaded what it needs, kernels from the disk among it
+    worker: float  # and until a worker has
+    visible: float  # share of the voxels that are visible
+    check: float  # bytes of tables on the disk that are read and checked, per second
+    cover: float  # seconds for compositing two slabs, per pixel
 
     def preparing(self, voxels: float, voxel_bytes: int = 2) -> float:
         """Seconds until a worker has the tables of so many voxels."""

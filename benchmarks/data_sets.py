@@ -24,42 +24,20 @@ STAND_IN = "(stand-in)"
 
 @dataclass(frozen=True)
 class DataSet:
-    """One row of the paper's tables and the data that we measure for it.
+    """One row of the paper's tables and the data that we measure for it."""
 
-    Attributes
-    ----------
-    name, resolution : str
-        As printed in the paper.
-    paper_volume_mb, paper_mb : float
-        Size of the volume and of the tables in the paper, MB.
-    paper_seconds : tuple of float
-        Seconds without and with run-length encoding in the paper.
-    paper_speedup : float
-        The speedup as printed.
-    file : str
-        Our file.
-    shape_xyz, spacing : tuple
-        Its number of voxels and their spacing along x, y and z.
-    transfer : str
-        Name of its transfer function in benchmarks/transfer_functions.
-    kept : float
-        Fraction of the scan's voxels that the transfer function keeps; the stand-in has the same.
-    caveat : str
-        How our scan differs from the paper's.
-    """
-
-    name: str
+    name: str  # this and what follows as printed in the paper; sizes of the volume and of the tables in MB
     resolution: str
     paper_volume_mb: float
     paper_mb: float
-    paper_seconds: tuple[float, float]
+    paper_seconds: tuple[float, float]  # without and with run-length encoding
     paper_speedup: float
-    file: str
+    file: str  # ours, from here on
     shape_xyz: tuple[int, int, int]
-    spacing: tuple[float, float, float]
-    transfer: str
-    kept: float
-    caveat: str = ""
+    spacing: tuple[float, float, float]  # along x, y and z
+    transfer: str  # name of its transfer function in benchmarks/transfer_functions
+    kept: float  # fraction of the scan's voxels that the transfer function keeps; the stand-in has the same
+    caveat: str = ""  # how our scan differs from the paper's
 
     @property
     def path(self) -> Path:
@@ -105,21 +83,9 @@ PAPER = (
 
 
 def stand_in(shape_xyz, spacing, kept: float, function: TransferFunction) -> Volume:
-    """A synthetic volume of folded shells, whose runs are a few to a few dozen voxels long as in scans.
+    """A synthetic volume, uint8, of folded shells, whose runs are a few to a few dozen voxels long as in scans.
 
-    Parameters
-    ----------
-    shape_xyz, spacing : tuple
-        Number of voxels and their spacing along x, y and z.
-    kept : float
-        Fraction of the voxels that ``function`` shall keep.
-    function : TransferFunction
-        The transfer function.
-
-    Returns
-    -------
-    Volume
-        Voxels of type uint8.
+    ``function`` keeps the fraction ``kept`` of its voxels.
     """
     nx, ny, nz = shape_xyz
     z, y, x = (np.linspace(-1.0, 1.0, n, dtype=np.float32) for n in (nz, ny, nx))

@@ -17,14 +17,7 @@ import numpy as np
 from rle_splat.classify.transfer_function import Shade
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import MOST_RESULTS, StageCache
-from rle_splat.scene import (
-    DEFAULT_CLASSIFICATION,
-    POST_ONLY,
-    RECORDS,
-    Light,
-    Quality,
-    Scene,
-)
+from rle_splat.scene import DEFAULT_CLASSIFICATION, POST_ONLY, RECORDS, Light, Quality, Scene
 from rle_splat.view.turntable import turntable
 
 from .frames import whole_call
@@ -113,20 +106,8 @@ FIRST = "first picture"
 def measure(scene: Scene, quality: Quality, edits: int = EDITS) -> list[dict]:
     """Measure all kinds of edits.
 
-    Parameters
-    ----------
-    scene : Scene
-        The scene.
-    quality : Quality
-        The knobs.
-    edits : int
-        Number of edits of each kind.
-
-    Returns
-    -------
-    list of dict
-        One JSON-ready row per kind of edit: median milliseconds of each of STAGES, the stages made per edit, and the
-        number of visible voxels after the last edit.
+    One JSON-ready row per kind: median milliseconds of each of STAGES, the stages made per edit, and the number of
+    visible voxels after the last edit.
     """
     render(scene, quality)  # compiles and loads kernels
     reports = [_reported(scene, quality, StageCache()) for _ in range(edits)]

@@ -19,17 +19,7 @@ from rle_splat.classify.transfer_function import GradientOpacity, Shade
 from rle_splat.effects.analyze import EFFECTS, analyze_effects
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
-from rle_splat.scene import (
-    DEFAULT_CLASSIFICATION,
-    Channel,
-    Clip,
-    Labels,
-    Light,
-    Mist,
-    Pose,
-    Quality,
-    Scene,
-)
+from rle_splat.scene import DEFAULT_CLASSIFICATION, Channel, Clip, Labels, Light, Mist, Pose, Quality, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 
@@ -164,21 +154,11 @@ def _doubled(scene: Scene) -> Scene:
 
 @dataclass(frozen=True)
 class Price:
-    """A row of the measurement.
-
-    Attributes
-    ----------
-    effect : str
-        Name of the effect.
-    over : str or None
-        The price that it is added to; None for the scene's base.
-    give : callable
-        ``give(scene)`` returns the scene with the effect.
-    """
+    """A row of the measurement."""
 
     effect: str
-    over: str | None
-    give: Callable
+    over: str | None  # the price that it is added to; None for the scene's base
+    give: Callable  # give(scene) is the scene with the effect
 
 
 # Label -> Price.  Effects without a price are listed at the end of the report.
@@ -226,27 +206,13 @@ def given(scene: Scene, label: str) -> Scene:
 
 @dataclass(frozen=True)
 class Setting:
-    """A volume with a transfer function, seen in perspective.
-
-    Attributes
-    ----------
-    name : str
-        Name in the table.
-    volume : Volume
-        The volume.
-    function : TransferFunction
-        Its transfer function.
-    lit : bool
-        Whether the base has two lights without highlights.
-    priced : tuple of str
-        Labels of PRICES: measured alone and, except modes, all together, without and with MANY_PICTURES.
-    """
+    """A volume with a transfer function, seen in perspective."""
 
     name: str
     volume: Volume
     function: object
-    lit: bool
-    priced: tuple[str, ...]
+    lit: bool  # whether the base has two lights without highlights
+    priced: tuple[str, ...]  # labels of PRICES: each alone and, but modes, all together; without and with MANY_PICTURES
 
     def at(self, azimuth: float, size: int) -> Scene:
         camera, matrix = turntable(self.volume, azimuth, ELEVATION, perspective=True)

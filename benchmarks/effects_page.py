@@ -13,15 +13,7 @@ HEADER = ("effect", "over", "first", "frame", "its own work", "kernels more", "m
 
 
 def write_page(measured: dict, folder: Path = DOCS) -> None:
-    """Update effects.json and the tables of effects.md.
-
-    Parameters
-    ----------
-    measured : dict
-        The report of the benchmark; it replaces the record of the same scenes.
-    folder : Path
-        The folder of both files.
-    """
+    """Update effects.json and the tables of effects.md: the report replaces the record of the same scenes."""
     record_file, page = folder / "effects.json", folder / "effects.md"
     record = json.loads(record_file.read_text(encoding="utf-8")) if record_file.exists() else {}
     rest = {key: value for key, value in measured.items() if key not in ("rows", "light_pass")}

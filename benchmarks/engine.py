@@ -53,31 +53,8 @@ def measure(
 ) -> list[dict]:  # fmt: skip
     """Measure one volume.
 
-    Parameters
-    ----------
-    volume : Volume
-        The volume.
-    tf : TransferFunction
-        Its transfer function.
-    size : int
-        Pixels along each side of the picture.
-    threads : int
-        Number of threads.
-    perspective, shaded : bool
-        Projection, and whether there is a headlight.
-    qualities : sequence of str
-        Names for ``quality_of``.
-    views : sequence of tuple
-        Azimuth and elevation in degrees.
-    repeats, probes : int
-        Frames of which the fastest counts, and probe pixels per view.
-    peers : sequence of Peer
-        The programs to compare with.
-
-    Returns
-    -------
-    list of dict
-        One JSON-ready row per quality, then one per peer that is installed and supports the projection.
+    ``qualities`` are names for ``quality_of``; of ``repeats`` frames the fastest counts, and ``probes`` are pixels per
+    view.  One JSON-ready row per quality, then one per peer that is installed and supports the projection.
     """
     cache = StageCache()
     beside = [_Beside(peer, shaded) for peer in peers if not peer.absence(perspective)]

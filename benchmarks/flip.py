@@ -16,19 +16,9 @@ PIXELS_PER_DEGREE = 67.0  # FLIP's default: a display 0.7 m wide with 3840 pixel
 
 
 def mean_flip(image, reference, background=(0.0, 0.0, 0.0)) -> float | None:
-    """Mean FLIP of two pictures.
+    """Mean FLIP of two premultiplied scene-linear pictures (height, width, 4) over a background.
 
-    Parameters
-    ----------
-    image, reference : ndarray, shape (height, width, 4)
-        Premultiplied scene-linear colors.
-    background : tuple of float
-        Scene-linear color under both.
-
-    Returns
-    -------
-    float or None
-        From 0 (equal) to 1; None if flip-evaluator is not installed.
+    From 0 (equal) to 1; None if flip-evaluator is not installed.
     """
     if flip_evaluator is None:
         return None

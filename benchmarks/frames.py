@@ -24,26 +24,7 @@ ALONE = 0.15  # busy cores of other programs up to which a run counts as undistu
 
 
 def view_scene(volume: Volume, tf, view, size: int, perspective: bool = False, shaded: bool = True) -> Scene:
-    """The scene of a square picture of a volume.
-
-    Parameters
-    ----------
-    volume : Volume
-        The volume.
-    tf : TransferFunction
-        Its transfer function.
-    view : tuple of float
-        Azimuth and elevation in degrees.
-    size : int
-        Pixels along each side.
-    perspective, shaded : bool
-        Projection, and whether there is a headlight.
-
-    Returns
-    -------
-    Scene
-        The scene.
-    """
+    """The scene of a picture with ``size`` pixels a side; ``view`` is (azimuth, elevation) in degrees."""
     camera, matrix = turntable(volume, *view, perspective=perspective)
     return Scene(volume, tf, camera, size, size, matrix, headlight=shaded)
 
@@ -73,26 +54,7 @@ def quickest_call(scenes, quality: Quality, cache=None):
 
 
 def best_frame(scene: Scene, quality: Quality, repeats: int, cache=None):
-    """Render several times and keep the fastest, because other load can only add time.
-
-    Parameters
-    ----------
-    scene : Scene
-        The scene.
-    quality : Quality
-        The knobs.
-    repeats : int
-        Number of pictures.
-    cache : StageCache, optional
-        The stage cache.
-
-    Returns
-    -------
-    rendering : Rendering
-        The one with the least ``frame_ms``.
-    milliseconds : float
-        Its ``frame_ms``.
-    """
+    """(rendering, its ``frame_ms``) of the fastest of several pictures, because other load can only add time."""
     best, least = None, np.inf
     for _ in range(repeats):
         rendering = render(scene, quality, cache=cache)
@@ -155,18 +117,7 @@ class Neighbors:
 
 
 def circumstances(threads: int) -> dict:
-    """The machine and its load, JSON-ready.
-
-    Parameters
-    ----------
-    threads : int
-        As in Quality; 0 for all cores.
-
-    Returns
-    -------
-    dict
-        ``processor``, ``cores``, ``threads``, ``python`` and ``load_before``.
-    """
+    """The machine and its load, JSON-ready: ``processor``, ``cores``, ``threads``, ``python`` and ``load_before``."""
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
     return {
         "processor": _processor(), "cores": os.cpu_count(), "threads": thread_count(threads),

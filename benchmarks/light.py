@@ -64,16 +64,7 @@ def true_colors(scene: Scene, places) -> np.ndarray:
 def errors_of_light(scene: Scene, lights, qualities, count: int) -> list[dict]:
     """JSON-ready rows: the error of light and of all, under each of the lamps and by each of the qualities.
 
-    Parameters
-    ----------
-    scene : Scene
-        Without lamps.
-    lights : collection of str
-        Names of LIGHTS.
-    qualities : dict
-        Name -> Quality.
-    count : int
-        Pixels that are drawn; those in which nothing is seen are left out.
+    The scene has no lamps.  Of ``count`` pixels that are drawn, those in which nothing is seen are left out.
     """
     cache, columns_rows = StageCache(), draw_pixels(scene.width, scene.height, count)
     own = {name: render(scene, quality, cache=cache).rgba for name, quality in qualities.items()}

@@ -49,30 +49,10 @@ def measure(
     data: DataSet, volume, tf, quality: Quality, size: int, views=VIEWS, repeats: int = REPEATS, westover: bool = True,
     errors: bool = True,
 ) -> dict:  # fmt: skip
-    """Measure one data set for both tables.
+    """Measure one data set for both tables; of ``repeats`` frames the fastest counts.
 
-    Parameters
-    ----------
-    data : DataSet
-        The data set.
-    volume, tf
-        Its volume and transfer function, from ``data.load``.
-    quality : Quality
-        The knobs.
-    size : int
-        Pixels along each side of the picture.
-    views : sequence of tuple
-        Azimuth and elevation in degrees.
-    repeats : int
-        Frames of which the fastest counts.
-    westover, errors : bool
-        Whether to measure Westover's splatting, and the errors of short records.
-
-    Returns
-    -------
-    dict
-        JSON-ready; milliseconds are medians over the views.  ``memory_bytes`` maps a record size to the bytes of each
-        table, and their total, for three principal axes.
+    JSON-ready; milliseconds are medians over the views.  ``memory_bytes`` maps a record size to the bytes of each
+    table, and their total, for three principal axes.
     """
     scenes = [view_scene(volume, tf, view, size) for view in views]
     clock = Clock()
@@ -132,17 +112,9 @@ def principal_axis(scene) -> int:
 def covered_fractions(classified) -> dict:
     """The fraction of the sheets that the footprints of kept voxels cover, with one sheet pixel per voxel.
 
-    Parameters
-    ----------
-    classified : Classified
-        The classified volume.
-
-    Returns
-    -------
-    dict
-        ``pixels``: fraction of the pixels with something to composite.  ``blocks``: fraction of the blocks of BLOCK
-        pixels along a scanline that hold such a pixel.  The loop composites whole blocks, so this is the lower bound
-        of its work.  Both are means over the three principal axes.
+    ``pixels``: fraction of the pixels with something to composite.  ``blocks``: fraction of the blocks of BLOCK pixels
+    along a scanline that hold such a pixel.  The loop composites whole blocks, so this is the lower bound of its work.
+    Both are means over the three principal axes.
     """
     nx, ny, nz = classified.shape_xyz
     rows = np.repeat(np.arange(nz * ny), np.diff(classified.row_start))

@@ -14,33 +14,15 @@ NOT_HERE, NOT_THERE = "not here", "not there"  # not installed here; not support
 
 @dataclass(frozen=True)
 class Peer:
-    """A program to compare with.
-
-    Attributes
-    ----------
-    name : str
-        Name in the table.
-    classification : str
-        "pre" or "post".
-    make : callable
-        ``make(scene, shaded, threads)`` returns an object with ``draw``, ``close`` and, for "pre", ``classify_ms``.
-    problem : str
-        Why it is not installed; "" if it is.
-    remedy : str
-        The command that installs it.
-    perspective : bool
-        Whether it supports perspective.
-    same_colors : bool
-        Whether its shading equals ours, so that shaded pictures can be compared with our truths.
-    """
+    """A program to compare with."""
 
     name: str
-    classification: str
-    make: Callable
-    problem: str
-    remedy: str
-    perspective: bool = True
-    same_colors: bool = True
+    classification: str  # "pre" or "post"
+    make: Callable  # make(scene, shaded, threads) has ``draw``, ``close`` and, for "pre", ``classify_ms``
+    problem: str  # why it is not installed; "" if it is
+    remedy: str  # the command that installs it
+    perspective: bool = True  # whether it can
+    same_colors: bool = True  # whether its shading is ours, so that shaded pictures can be compared with our truths
 
     def absence(self, perspective: bool) -> str:
         """The text in its columns if it cannot be measured; "" if it can."""

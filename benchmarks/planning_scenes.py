@@ -191,18 +191,7 @@ MEASURED_SCANS = {
 
 
 def measured_scenes(names=None) -> Iterator[tuple[str, Scene]]:
-    """Yield the name and scene of each test scene: synthetic ones, and the scans that are present.
-
-    Parameters
-    ----------
-    names : collection of str, optional
-        Only these scenes; None or empty for all.
-
-    Yields
-    ------
-    name, scene
-        A name and a Scene.
-    """
+    """Yield the name and scene of each test scene, or of those in ``names``: synthetic ones, and the scans present."""
     lemon, tubes = _lemon(), _tubes()
     volume, function = shells(128)
     narrow = bands((350.0, 700.0), 60.0, 0.8)

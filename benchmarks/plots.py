@@ -29,22 +29,7 @@ def _save(figure, path: Path) -> str:
 
 
 def scaling_plot(rows, path: Path, most_bytes: int) -> str:
-    """Plot time against kept voxels and against volume size, and peak memory.
-
-    Parameters
-    ----------
-    rows : list of dict
-        The rows of bench scaling.
-    path : Path
-        The file to write.
-    most_bytes : int
-        The allowed peak, drawn as a line.
-
-    Returns
-    -------
-    str
-        A sentence on the file.
-    """
+    """Plot time against kept voxels and against volume size, and peak memory with the allowed one; a sentence on it."""
     if plt is None:
         return f"No plot: matplotlib is not here ({PLOT_PROBLEM})."
     figure, (by_kept, by_volume, memory) = plt.subplots(1, 3, figsize=(15, 6))
@@ -84,20 +69,7 @@ def scaling_plot(rows, path: Path, most_bytes: int) -> str:
 
 
 def turn_plot(turn, near, path: Path) -> str:
-    """Plot the frame difference and alpha over a full turn, and the difference of two axes near the switch.
-
-    Parameters
-    ----------
-    turn, near : list of dict
-        The results of ``Turn.round`` and ``Turn.both_axes``.
-    path : Path
-        The file to write.
-
-    Returns
-    -------
-    str
-        A sentence on the file.
-    """
+    """Plot the difference of frames and alpha over a full turn, and of two axes near the switch; a sentence on it."""
     if plt is None:
         return f"No plot: matplotlib is not here ({PLOT_PROBLEM})."
     figure, (steps, alpha, both) = plt.subplots(3, 1, figsize=(11, 9))

@@ -26,22 +26,10 @@ PROBES = 64  # per view
 
 
 def compare_records(scenes, quality: Quality, probes: int = PROBES, repeats: int = REPEATS) -> list[dict]:
-    """Compare the record sizes on several views of one volume.
+    """Compare the record sizes on several views of one volume; of ``repeats`` frames the fastest counts.
 
-    Parameters
-    ----------
-    scenes : list of Scene
-        The views.
-    quality : Quality
-        The knobs.
-    probes, repeats : int
-        Probe pixels per view, and frames of which the fastest counts.
-
-    Returns
-    -------
-    list of dict
-        One JSON-ready row per record size.  ``against_16`` and ``t1``: RMSE and largest error in levels.  ``frame``:
-        time of a frame over that with 16 bytes, the median over the views.
+    One JSON-ready row per record size.  ``against_16`` and ``t1``: RMSE and largest error in levels.  ``frame``: time
+    of a frame over that with 16 bytes, the median over the views.
     """
     found = {record: {"against_16": [], "t1": [], "frame": []} for record in RECORDS}
     quality = quality.classified("pre")  # only classified voxels have records of different sizes

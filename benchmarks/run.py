@@ -38,21 +38,7 @@ SHARED = {
 
 
 def make_parser(prog: str, doc: str, **shared) -> argparse.ArgumentParser:
-    """A parser with some of the SHARED options.
-
-    Parameters
-    ----------
-    prog : str
-        The command.
-    doc : str
-        What it measures.
-    **shared
-        Name of an option -> its default, or a dict of what differs from SHARED.
-
-    Returns
-    -------
-    ArgumentParser
-    """
+    """A parser with some of the SHARED options: name -> its default, or a dict of what differs from SHARED."""
     parser = argparse.ArgumentParser(prog=prog, description=doc)
     for name, own in shared.items():
         own = own if isinstance(own, dict) else {"default": own}
@@ -63,18 +49,8 @@ def make_parser(prog: str, doc: str, **shared) -> argparse.ArgumentParser:
 class Run:
     """A run of a benchmark; it prints what the machine is.
 
-    Parameters
-    ----------
-    name : str
-        Of the benchmark.
-    arguments : sequence of str
-        Its words on the command line: runs with the same ones can be compared.
-    threads : int
-        As in Quality; 0 for all cores.
-    key : sequence of str
-        The entries of a row that tell which it is.
-    time : str
-        The entry of a row with its milliseconds; "" where nothing is timed.
+    Runs with the same words on the command line, ``arguments``, can be compared.  ``key``: the entries of a row that
+    tell which it is.  ``time``: the entry with its milliseconds; "" where nothing is timed.
     """
 
     def __init__(self, name: str, arguments, threads: int = 0, *, key=(), time: str = ""):

@@ -39,18 +39,7 @@ def shells(n: int = 256) -> tuple[Volume, TransferFunction]:
 
 
 def scenes(names=None):
-    """Yield name, volume and transfer function of the shells and of the scans that are present.
-
-    Parameters
-    ----------
-    names : collection of str, optional
-        Only these; None or empty for all.
-
-    Yields
-    ------
-    name, volume, transfer_function
-        A name, a Volume and a TransferFunction.
-    """
+    """Yield name, volume and transfer function of the shells and of the scans that are present, or of those named."""
     if not names or "shells" in names:
         yield "shells", *shells()
     for name, (file, options, preset) in REAL.items():

@@ -6,15 +6,7 @@ from typing import NamedTuple
 
 
 class Spent(NamedTuple):
-    """Milliseconds of a picture.
+    """Milliseconds of a picture."""
 
-    Attributes
-    ----------
-    whole : float
-        All that a moved camera takes, measured from outside.
-    frame : float
-        The work on voxels and pixels within it.
-    """
-
-    whole: float
-    frame: float
+    whole: float  # all that a moved camera takes, measured from outside
+    frame: float  # the work on voxels and pixels within it

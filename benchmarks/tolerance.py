@@ -17,14 +17,7 @@ import numpy as np
 
 from rle_splat.accuracy.lighting import shading_of
 from rle_splat.accuracy.planner.tolerance import render_within
-from rle_splat.accuracy.probes import (
-    PROBES,
-    STEEP_SHARE,
-    draw_pixels,
-    probe_errors,
-    steep_pixels,
-    truth_tolerance,
-)
+from rle_splat.accuracy.probes import PROBES, STEEP_SHARE, draw_pixels, probe_errors, steep_pixels, truth_tolerance
 from rle_splat.accuracy.truths import truth
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache

@@ -47,19 +47,7 @@ def smooth(n: int = SMOOTH_SIDE) -> tuple[Volume, TransferFunction]:
 
 
 class Turn:
-    """Orthographic, unshaded pictures of one volume from a turntable, optionally along a given principal axis.
-
-    Parameters
-    ----------
-    volume, tf
-        The volume and its transfer function.
-    quality : Quality
-        The knobs.
-    size : int
-        Pixels along each side.
-    elevation : float
-        Degrees.
-    """
+    """Orthographic, unshaded pictures of one volume at an elevation in degrees, optionally along a given axis."""
 
     def __init__(self, volume, tf, quality: Quality, size: int, elevation: float):
         self._volume, self._tf, self._size, self._elevation = volume, tf, size, elevation

@@ -54,22 +54,11 @@ FACE = 128  # directions along a side of the cube by which normals are coded: cl
 
 
 class VolpackCaster:
-    """One volume and transfer function in VolPack, for drawing any number of views.
+    """One volume and transfer function, those of ``scene``, in VolPack, for drawing any number of views.
 
-    Parameters
-    ----------
-    scene : Scene
-        One of the views, for volume and transfer function.
-    shaded : bool
-        Whether the volume is shaded, by the headlight only.
-    thresholds : tuple of float
-        SUGGESTED or ALL_VOXELS.
-
-    Attributes
-    ----------
-    classify_ms : float or None
-        Milliseconds of classifying and run-length encoding along all three axes, known after the first ``draw``.  It
-        does not include normals, which are those of the truths.
+    ``shaded`` is by the headlight only; ``thresholds`` are SUGGESTED or ALL_VOXELS.  ``classify_ms`` are milliseconds
+    of classifying and run-length encoding along all three axes, known after the first ``draw``; they do not include
+    normals, which are those of the truths.
     """
 
     def __init__(self, scene: Scene, shaded: bool, thresholds=SUGGESTED):
@@ -98,27 +87,10 @@ class VolpackCaster:
         self._exponent, self.classify_ms = None, None
 
     def draw(self, scene: Scene, repeats: int = 1) -> tuple[np.ndarray, Spent]:
-        """Draw a view.
+        """Draw an orthographic view: premultiplied float32 (height, width, 4), row 0 on top, and its time, the least.
 
-        Parameters
-        ----------
-        scene : Scene
-            The view, orthographic.
-        repeats : int
-            Number of renderings.
-
-        Returns
-        -------
-        rgba : ndarray, shape (height, width, 4), float32
-            Premultiplied picture, row 0 on top.
-        spent : Spent
-            Of the fastest picture: its frame is vpRenderClassifiedVolume, which composites and warps; the whole has the
-            table of lit colors, too.
-
-        Raises
-        ------
-        RleSplatError
-            In perspective.
+        Its frame is vpRenderClassifiedVolume, which composites and warps; the whole has the table of lit colors, too.
+        Raises RleSplatError in perspective.
         """
         if scene.camera.type != "ORTHO":
             raise RleSplatError("VolPack supports only parallel rays; use an orthographic camera.")

@@ -27,20 +27,10 @@ TABLE_POINTS = 4096  # samples of the transfer function for VTK
 
 
 class VtkCaster:
-    """One volume and transfer function in VTK, for drawing any number of views.
+    """One volume and transfer function, those of ``scene``, in VTK, for drawing any number of views.
 
-    Parameters
-    ----------
-    scene : Scene
-        One of the views, for volume and transfer function.
-    shaded : bool
-        Whether the volume is shaded.
-    threads : int
-        Number of threads.
-    samples : int
-        Samples per smallest voxel spacing along a ray.
-    along : (3,) array_like, optional
-        Where the only lamp, a white parallel one, shines to; left out, it shines along the camera's axis.
+    ``samples`` are those per smallest voxel spacing along a ray.  The only lamp, a white parallel one, shines to
+    ``along``; left out, it shines along the camera's axis.
     """
 
     def __init__(self, scene: Scene, shaded: bool, threads: int, samples: int = 1, along=None):
@@ -96,21 +86,9 @@ class VtkCaster:
         self._window.AddRenderer(self._renderer)
 
     def draw(self, scene: Scene, repeats: int = 1) -> tuple[np.ndarray, Spent]:
-        """Draw a view.
+        """Draw a view: premultiplied float32 (height, width, 4), row 0 on top, and the time of the fastest picture.
 
-        Parameters
-        ----------
-        scene : Scene
-            The view.
-        repeats : int
-            Number of renderings.
-
-        Returns
-        -------
-        rgba : ndarray, shape (height, width, 4), float32
-            Premultiplied picture, row 0 on top.
-        spent : Spent
-            Of the fastest picture: its frame is the whole, with the transfer to the window.
+        Its frame is the whole, with the transfer to the window.
         """
         self._window.SetSize(scene.width, scene.height)
         self._aim(scene)

@@ -124,19 +124,9 @@ def _by_idname() -> dict:
 
 
 def rows_of(path: Path, panel: str) -> list[tuple[str, str, list[str], str]]:
-    """What a panel draws, from the top.
+    """What a panel draws, from the top; ``panel`` is the name of its class.
 
-    Parameters
-    ----------
-    path : Path
-        File of the panel.
-    panel : str
-        Name of its class.
-
-    Returns
-    -------
-    list of (str, str, list of str, str)
-        "operator" or "property", its name, the labels that are drawn ("" is its own), and the menu that it is in.
+    For each row "operator" or "property", its name, the labels that are drawn ("" is its own), and its menu.
     """
     found: list[tuple] = []
     rows: dict[tuple, list[str]] = {}

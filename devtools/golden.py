@@ -92,22 +92,11 @@ def _lab(picture: np.ndarray) -> np.ndarray:
 
 
 def difference(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """How different two pictures look, pixel by pixel.
+    """(H, W) float64: how different two pictures (H, W, 3) of sRGB, uint8, look.
 
-    Parameters
-    ----------
-    one, other : (H, W, 3) ndarray of uint8
-        sRGB.
-
-    Returns
-    -------
-    (H, W) ndarray of float64
-        Distances of blurred colors in CIELAB, of lightness and hue apart and added up.
-
-    Notes
-    -----
-    FLIP's path for colors (Andersson et al. 2020, section 4.1), with one Gaussian for its three filters of contrast
-    sensitivity and without its exponent: HyAB keeps large differences in proportion (Abasi et al. 2020).
+    Distances of blurred colors in CIELAB, of lightness and hue apart and added up: FLIP's path for colors (Andersson et
+    al. 2020, section 4.1), with one Gaussian for its three filters of contrast sensitivity and without its exponent:
+    HyAB keeps large differences in proportion (Abasi et al. 2020).
     """
     apart = _lab(one) - _lab(other)
     return np.abs(apart[..., 0]) + np.hypot(apart[..., 1], apart[..., 2])

@@ -22,15 +22,6 @@ INTERCEPT = -1024  # stored values are unsigned, as of most scanners
 def write_series(folder: Path, spacing_mm: float = SPACING_MM) -> int:
     """Write the phantom as a DICOM series; returns the number of slices.
 
-    Parameters
-    ----------
-    folder : Path
-        It is made if it is not there.
-    spacing_mm : float
-        Distance between voxel centers, along each axis.
-
-    Notes
-    -----
     DICOM's axes are the patient's left, back and head, and the phantom's are right, front and head.
     """
     voxels = head_phantom(spacing_mm)[:, ::-1, ::-1]

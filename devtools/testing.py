@@ -280,8 +280,7 @@ def parts(options=(), quick: bool = False, everywhere: bool = False) -> dict[str
         whole_of_it = everywhere or (version == NEWEST and not quick)
         words = [BLENDER_TESTS, *(() if whole_of_it else ("-m", marks)), *options]
         found[f"bpy-{version}"] = Part(
-            lambda ready, aside, version=version, words=words: [_bpy(version, ready.zips, words, aside)],
-            needs="zip",
+            lambda ready, aside, version=version, words=words: [_bpy(version, ready.zips, words, aside)], needs="zip"
         )
     if not quick:
         found["extras"] = Part(lambda ready, aside: [_extras(ready.pythons["bench"], options, aside)], needs="bench")

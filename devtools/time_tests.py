@@ -16,16 +16,9 @@ SHOWN = 40  # tests and kernels
 
 
 class CompileTimes(event.Listener):
-    """Sums the time that numba compiles, by kernel.
+    """Sums the processor time that numba compiles, and counts combinations of argument types, by the kernel's name.
 
     A kernel that is compiled while another one is counts as part of the outer one.
-
-    Attributes
-    ----------
-    seconds : Counter
-        Of processor time, by the kernel's name.
-    counts : Counter
-        Combinations of argument types, by the kernel's name.
     """
 
     def __init__(self):

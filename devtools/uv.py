@@ -124,13 +124,7 @@ def find_python(*versions: str) -> str | None:
 
 
 def lock(names=()) -> None:
-    """Write requirements/NAME.txt from NAME.in: exact versions and hashes for every platform, no address of an index.
-
-    Parameters
-    ----------
-    names : sequence of str
-        The sets to resolve; all when empty.
-    """
+    """Write requirements/NAME.txt from NAME.in: versions and hashes for every platform, no address of an index."""
     for name in names or sorted(path.stem for path in REQUIREMENTS.glob("*.in")):
         source = REQUIREMENTS / f"{name}.in"
         if not source.is_file():

@@ -69,11 +69,6 @@ class Effect(NamedTuple):
     by_hand: bool | None = None
     tried: bool = False
 
-    @property
-    def is_taken_out(self) -> bool:
-        """Whether it is removed from the scene."""
-        return not self.on and (self.by_hand is False or not EFFECTS[self.name].may_be_idle)
-
 
 @dataclass(frozen=True)
 class EffectSet:
@@ -96,23 +91,6 @@ class EffectSet:
         """The same set with an effect off that a stage has found to change nothing."""
         found = self[name]._replace(on=False, reason=reason, tried=True)
         return EffectSet(tuple(found if effect.name == name else effect for effect in self.effects))
-
-    def fit(self, scene: Scene, quality: Quality) -> tuple[Quality, tuple[str, ...]]:
-        """The quality that the effects which are on can be rendered with.
-
-        Returns
-        -------
-        quality : Quality
-        remarks : tuple of str
-            Sentences on what was changed, and why.
-        """
-        remarks = []
-        for effect in self.effects:
-            kind = EFFECTS[effect.name]
-            if effect.on and kind.fitted is not None:
-                quality, remark = kind.fitted(scene, quality)
-                remarks.append(remark)
-        return quality, tuple(dict.fromkeys(remark for remark in remarks if remark))
 
     def report(self, clock: Clock) -> list[dict]:
         """Rows for the report.
@@ -180,8 +158,9 @@ def analyze_effects(scene: Scene, quality: Quality) -> tuple[EffectSet, Scene]:
     Scene
         The scene with the effects that are off removed, and those that are on by hand added.
     """
-    overrides = check_overrides(scene.effects)
-    left, found = _without_forced_off(scene, overrides), []
+    overrides, left, found = check_overrides(scene.effects), scene, []
+    for name, by_hand in overrides.items():  # off for every other effect, too
+        left = EFFECTS[name].without(left) if by_hand is False else left
     for name, kind in EFFECTS.items():
         by_hand = overrides.get(name)
         if by_hand is False:
@@ -196,13 +175,7 @@ def analyze_effects(scene: Scene, quality: Quality) -> tuple[EffectSet, Scene]:
                     "the scene."
                 )
             effect = Effect(name, on or bool(by_hand), f"by hand: {reason}" if by_hand else reason, by_hand)
-        left = kind.without(left) if effect.is_taken_out else left
+        if not effect.on and (by_hand is False or not kind.may_be_idle):
+            left = kind.without(left)
         found.append(effect)
     return EffectSet(tuple(found)), left
-
-
-def _without_forced_off(scene: Scene, overrides: dict) -> Scene:
-    """The scene without the effects that are off by hand, for every other effect."""
-    for name, by_hand in overrides.items():
-        scene = EFFECTS[name].without(scene) if by_hand is False else scene
-    return scene

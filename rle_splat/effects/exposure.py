@@ -9,9 +9,10 @@ import numpy as np
 
 from ..runtime.steps import rescale
 from ..scene import Rendering, Scene
+from ..scene.changed import change
 from .lens import DEPTH_OF_FIELD, lens_pictures, lens_points, see_through_lens
 from .motion import MOTION_BLUR, at_time, motion_pictures
-from .outlines import outline_pictures, shifted, without_smooth_outlines
+from .outlines import outline_pictures, shifted
 
 # Spreads times evenly, and apart from the golden angles by which the lens's points turn.
 SILVER = 2.0**0.5 - 1.0
@@ -46,7 +47,7 @@ BLURS = (
     Blur("depth of field", lens_pictures, lambda scene, point, time, number: see_through_lens(scene, point),
          DEPTH_OF_FIELD.without),
     Blur("smooth outlines", outline_pictures, lambda scene, point, time, number: shifted(scene, number),
-         without_smooth_outlines),
+         lambda scene: change(scene, smooth_outlines=False)),
 )  # fmt: skip
 
 

@@ -19,24 +19,17 @@ class Kind:
     without : callable
         ``without(scene) -> scene``: the scene with the effect removed.
     stage : str or None
-        The stage that its own work is timed as; None where it is part of the work of the effect ``within``.
-    within : str or None
-        Name of that effect.
+        The stage that its own work is timed as; None where it is part of the work of another effect.
     with_default : callable or None
         ``with_default(scene) -> scene``: the scene with the effect turned on by hand; unchanged where it has it.  None
         where there is no default.
     may_be_idle : bool
         Whether it stays in the scene where it changes nothing, unless it is turned off by hand.
-    fitted : callable or None
-        ``fitted(scene, quality) -> (quality, remark)``: the quality that a scene with the effect can be rendered by,
-        and a sentence for the report, "" for none; None where any quality will do.
     """
 
     text: str
     called_for: Callable
     without: Callable
     stage: str | None = None
-    within: str | None = None
     with_default: Callable | None = None
     may_be_idle: bool = False
-    fitted: Callable | None = None

@@ -154,10 +154,7 @@ def _judge(scene: Scene, _: Quality) -> tuple[bool, str]:
     return True, f"blurs up to {blur:.1f} pixels: {lens_pictures(scene)} pictures through the lens"
 
 
-def _sharp(scene: Scene) -> Scene:
-    if scene.camera.aperture_radius == 0.0:
-        return scene
-    return change(scene, camera=change(scene.camera, aperture_radius=0.0))
-
-
-DEPTH_OF_FIELD = Kind("blurs what is out of focus, as the camera's lens does", _judge, _sharp)
+DEPTH_OF_FIELD = Kind(
+    "blurs what is out of focus, as the camera's lens does", _judge,
+    lambda scene: change(scene, camera=change(scene.camera, aperture_radius=0.0)),
+)  # fmt: skip

@@ -96,8 +96,7 @@ def _specular(scene: Scene, _: Quality) -> tuple[bool, str]:
 
 
 def _without_specular(scene: Scene) -> Scene:
-    shade = _shade_of(scene)
-    return scene if shade is None or shade.specular == 0.0 else _with_shade(scene, specular=0.0)
+    return scene if _shade_of(scene) is None else _with_shade(scene, specular=0.0)
 
 
 def _with_specular(scene: Scene) -> Scene:
@@ -111,14 +110,14 @@ SHADING = Kind(
 )  # fmt: skip
 LIGHTS = Kind(
     "lights the volume by the light objects of the scene instead of a headlight", _lights,
-    lambda scene: change(scene, lights=()), within="shading",
+    lambda scene: change(scene, lights=()),
 )  # fmt: skip
 HEADLIGHT = Kind(
     "lights the volume by one white parallel light along the camera's axis", _headlight,
-    lambda scene: change(scene, headlight=False), within="shading",
+    lambda scene: change(scene, headlight=False),
     with_default=lambda scene: change(scene, headlight=True),
 )  # fmt: skip
 SPECULAR = Kind(
-    "adds highlights, which change with the view", _specular, _without_specular, within="shading",
+    "adds highlights, which change with the view", _specular, _without_specular,
     with_default=_with_specular,
 )  # fmt: skip

@@ -72,8 +72,4 @@ def _judge(scene: Scene, _: Quality) -> tuple[bool, str]:
     return True, f"{moved:.1f} pixels while the shutter is open: {motion_pictures(scene)} pictures"
 
 
-def _still(scene: Scene) -> Scene:
-    return change(scene, motion=()) if scene.motion else scene
-
-
-MOTION_BLUR = Kind("blurs what moves while the shutter is open", _judge, _still)
+MOTION_BLUR = Kind("blurs what moves while the shutter is open", _judge, lambda scene: change(scene, motion=()))

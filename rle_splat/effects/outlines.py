@@ -15,11 +15,6 @@ def outline_pictures(scene: Scene) -> int:
     return len(SHIFTS) if scene.smooth_outlines else 1
 
 
-def without_smooth_outlines(scene: Scene) -> Scene:
-    """The scene without smooth outlines."""
-    return change(scene, smooth_outlines=False) if scene.smooth_outlines else scene
-
-
 def shifted(scene: Scene, number: int) -> Scene:
     """The scene whose picture of this number is shifted: more pictures than SHIFTS take turns."""
     right, down = SHIFTS[number % len(SHIFTS)]

@@ -47,5 +47,4 @@ def mode_quality(scene: Scene, quality: Quality) -> tuple[Quality, str]:
 MODE = Kind(
     "shows absorption alone, or the largest, smallest or mean value of each ray", _mode,
     lambda scene: change(scene, mode=MODES[0]), stage="splat",
-    fitted=mode_quality,
 )  # fmt: skip

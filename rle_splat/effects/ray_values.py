@@ -21,7 +21,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -77,15 +76,9 @@ def find_shown_values(tf, mode: str) -> np.ndarray:
     (k, 2) ndarray of float64
         Half-open intervals of physical values: a cell with any of them may decide a pixel in this mode.
     """
-    return _find_shown_values(tf.opacity, mode)
-
-
-@lru_cache(maxsize=8)
-def _find_shown_values(opacity: tuple, mode: str) -> np.ndarray:
-    """As ``find_shown_values``; kept, since most frames ask for the previous one's."""
     if mode == "average":
         return np.array(((-np.inf, np.inf),))
-    shown = positive_intervals(pieces(opacity))
+    shown = positive_intervals(pieces(tf.opacity))
     if len(shown) == 0:
         return shown
     if mode == "mip":

@@ -70,7 +70,6 @@ WORLD = Kind(
     "adds the world's light from all directions",
     _world,
     lambda scene: change(scene, world=None, environment=None),
-    within="shading",
 )
 AMBIENT_OCCLUSION = Kind(
     "reduces ambient light by the share of directions that the volume and the meshes block", _ambient_occlusion,
@@ -78,5 +77,5 @@ AMBIENT_OCCLUSION = Kind(
 )  # fmt: skip
 INDIRECT_LIGHT = Kind(
     "scatters light on its way through the volume, so that thin and soft matter is translucent", _indirect_light,
-    lambda scene: change(scene, indirect_light=0.0), within="shadows", with_default=_force_indirect,
+    lambda scene: change(scene, indirect_light=0.0), with_default=_force_indirect,
 )  # fmt: skip

@@ -49,6 +49,19 @@ def make_tables(voxels, axis: int):
     return scanline_pointers, data_pointers, runs, scanline_data_pointers
 
 
+def list_runs(pointers, starts, runs, width: int, k: int):
+    """Yield scanline, first voxel, number of its record and length of each non-transparent run of slice ``k``."""
+    for j in np.flatnonzero(pointers[k] >= 0):
+        run, x, record = int(pointers[k, j]), 0, int(starts[k, j])
+        while x < width:
+            x += int(runs[run])
+            if x >= width:
+                break
+            count = int(runs[run + 1])
+            yield j, x, record, count
+            run, x, record = run + 2, x + count, record + count
+
+
 def color_records(density, colors, records):
     """Fill records (n, 4) of 16 bytes: density * RGB, and density."""
     records[:, 3] = density

@@ -1,6 +1,7 @@
 """The door of the pipeline: decide once what the volume is, how it is classified and which effects there are."""
 
 from ..effects.analyze import analyze_effects
+from ..effects.ray_mode import mode_quality
 from ..scene import Quality, Scene
 from .file_source import FileSource
 from .scalar_file_source import ScalarFileSource
@@ -22,10 +23,11 @@ def choose_source(scene: Scene, quality: Quality) -> Source:
     if quality.classification == "post" and not scene.volume.holds_values:
         quality = quality.classified(scene.volume.classification)
     effects, left = analyze_effects(scene, quality)
-    fitted, notes = effects.fit(left, quality)
-    if fitted != quality:
-        quality = fitted
+    by_mode, note = mode_quality(left, quality)
+    if note:
+        quality = by_mode
         effects, left = analyze_effects(scene, quality)
+    notes = (note,) if note else ()
     if left.volume.holds_values:
         return SOURCES[quality.classification](left, quality, effects, notes)
     make = ScalarFileSource.of if left.volume.classification == "post" else FileSource

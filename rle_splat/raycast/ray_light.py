@@ -12,6 +12,7 @@ from ..shade.environment import SKY, TERMS
 from ..shade.lighting import BACK, PHONG, unit_vectors
 from ..shade.lights import AREA, AXIS, CONE, EDGE, KIND, NEAREST, POSITION, RGB, SPOT, SUN
 from ..shade.sample_light import ALMOST_NONE, NORMAL, RAMP, ROUNDING, SPREAD, TRUSTED, TURNED, SampleLight
+from ..shade.surface_points import smoothstep
 
 AMBIENT, DIFFUSE, SPECULAR, SHININESS, EVERYWHERE = range(5)  # entries of Lighting.material
 NO_PLANE = -1
@@ -71,11 +72,11 @@ def light_at(light, planes, ray, s):
     ex, ey, ez = to_eye[ray, 0], to_eye[ray, 1], to_eye[ray, 2]
     px, py, pz = start[ray, 0] + s * step[ray, 0], start[ray, 1] + s * step[ray, 1], start[ray, 2] + s * step[ray, 2]
     size = math.sqrt(planes[0] * planes[0] + planes[1] * planes[1] + planes[2] * planes[2])
-    surface, scale = _smoothstep(size / TRUSTED), 1.0 / max(size, ALMOST_NONE)
+    surface, scale = smoothstep(size / TRUSTED), 1.0 / max(size, ALMOST_NONE)
     nx, ny, nz = planes[0] * scale, planes[1] * scale, planes[2] * scale
     if material[BACK] > 0.0:
         away = max(-(nx * ex + ny * ey + nz * ez), 0.0)
-        turned = _smoothstep(away / TURNED)
+        turned = smoothstep(away / TURNED)
         kept, added = 1.0 - 2.0 * turned, away * (1.0 - turned)
         nx, ny, nz = kept * nx + added * ex, kept * ny + added * ey, kept * nz + added * ez
     red, green, blue = material[EVERYWHERE], material[EVERYWHERE + 1], material[EVERYWHERE + 2]
@@ -104,18 +105,12 @@ def light_at(light, planes, ray, s):
         blue += matt * lamps[lamp, RGB + 2]
         if material[SPECULAR] > 0.0 and facing > 0.0:
             cosine = _mirror(material, facing, nx, ny, nz, lx, ly, lz, ex, ey, ez)
-            ramp = _smoothstep(facing / RAMP)
+            ramp = smoothstep(facing / RAMP)
             gloss = material[SPECULAR] * surface * ramp * max(cosine, 0.0) ** material[SHININESS] * arrives
             red_shine += gloss * lamps[lamp, RGB]
             green_shine += gloss * lamps[lamp, RGB + 1]
             blue_shine += gloss * lamps[lamp, RGB + 2]
     return red, green, blue, red_shine, green_shine, blue_shine
-
-
-@inner_loop
-def _smoothstep(t):
-    t = min(max(t, 0.0), 1.0)
-    return t * t * (3.0 - 2.0 * t)
 
 
 @inner_loop
@@ -142,7 +137,7 @@ def _towards(lamps, lamp, px, py, pz):
     if lamps[lamp, KIND] == AREA:
         falloff *= max(off_axis, 0.0)
     elif lamps[lamp, KIND] == SPOT:
-        falloff *= _smoothstep((off_axis - lamps[lamp, CONE]) / lamps[lamp, EDGE])
+        falloff *= smoothstep((off_axis - lamps[lamp, CONE]) / lamps[lamp, EDGE])
     return x, y, z, falloff
 
 

@@ -283,6 +283,3 @@ def _add_light(light, normals, material, count, s):
         s[SR + i] += gloss * red
         s[SG + i] += gloss * green
         s[SB + i] += gloss * blue
-
-
-# --- reference implementations ----------------------------------------------------------------------------------

@@ -17,7 +17,6 @@ Lights of several samples share a grid: each sample takes from it, at most as mu
 from __future__ import annotations
 
 import math
-from itertools import pairwise
 
 import numpy as np
 
@@ -31,7 +30,7 @@ from .light_sheets import Sweep
 from .light_sweep import BAND, LOG2E, add_slice, transmit
 from .node_block import BLOCK, read_block
 from .reference import BOXED, FULL, RISE
-from .surface_points import STEPS, Points, lamp_from_row, towards_lamp
+from .surface_points import STEPS, Points, lamp_from_row, row_pieces, towards_lamp
 
 NODES_AT_ONCE = 1 << 20  # nodes that a worker lights between two chances to cancel, 10 ms
 FILLED_AT_ONCE = 1 << 21  # nodes that are filled between two chances to cancel, 9 ms in memory that was never used
@@ -135,15 +134,13 @@ def read_nodes_steps(
     if not compiled():
         reference.read_nodes(nodes, pitch, strength, voxels, points, left, known[:, :copied], codes, channel)
         return
-    pieces = -(-len(voxels) // (READ_AT_ONCE * thread_count(threads)))
-    ends = np.searchsorted(voxels.row_start, np.linspace(0, len(voxels), pieces + 1)).tolist()
     lists = read_only(voxels.row_start), read_only(voxels.column), tuple(points), *voxels.shape_xyz[:2]
     grid = (read_only(nodes.reshape(-1)), *nodes.shape)
-    for piece, (first, last) in enumerate(pairwise(ends)):
-        yield piece / pieces
+    for done, first, count in row_pieces(voxels, READ_AT_ONCE * thread_count(threads)):
+        yield done
         with parallel_call(threads):
             _read(
-                first, last - first, grid, pitch, np.float32(strength), lists, read_only(left), read_only(known),
+                first, count, grid, pitch, np.float32(strength), lists, read_only(left), read_only(known),
                 copied, codes, channel,
             )  # fmt: skip
 

@@ -11,7 +11,6 @@ passes over empty ones.  Lengths are those of the world, positions are voxel ind
 from __future__ import annotations
 
 import math
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -25,7 +24,7 @@ from ..volume.blocks import cut_chunks
 from . import reference
 from .reference import FULL
 from .sample_light import OCTAVES
-from .surface_points import STEPS, Points, lamp_from_row, towards_lamp
+from .surface_points import STEPS, Points, lamp_from_row, row_pieces, towards_lamp
 
 SHIFT = SIDE.bit_length() - 1
 CORNERS = SIDE + 1
@@ -162,12 +161,10 @@ def trace_steps(
     if not compiled():
         reference.trace_light(lists, bricks, lamp, limits, free, sums)
         return
-    pieces = -(-len(voxels) // (TRACED_AT_ONCE * thread_count(threads)))
-    ends = np.searchsorted(voxels.row_start, np.linspace(0, len(voxels), pieces + 1)).tolist()
-    for piece, (first, last) in enumerate(pairwise(ends)):
-        yield piece / pieces
+    for done, first, count in row_pieces(voxels, TRACED_AT_ONCE * thread_count(threads)):
+        yield done
         with parallel_call(threads):
-            _trace(first, last - first, lists, medium, lamp, limits, read_only(free), sums)
+            _trace(first, count, lists, medium, lamp, limits, read_only(free), sums)
 
 
 # --- kernels ----------------------------------------------------------------------------------------------------

@@ -7,8 +7,6 @@ shadows of voxels begin: so a mesh that touches a surface casts its shadow on it
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 
 from ..classify.visible import VisibleVoxels
@@ -17,7 +15,7 @@ from ..runtime.parallel import share_out
 from ..volume.axes import AXES
 from . import reference
 from .light_sheets import Sweep
-from .surface_points import FARTHEST, FURTHER, STEPS, Points
+from .surface_points import FARTHEST, FURTHER, STEPS, Points, row_pieces
 
 LOOKED_UP_AT_ONCE = 1 << 19  # voxels that a worker looks up between two chances to cancel, 10 ms
 
@@ -61,12 +59,10 @@ def block_steps(
     seen = (read_only(nearest), read_only(furthest), read_only(meshes))
     limits = _limits(nearest, np.reshape(place, (4, 4)), np.asarray(matrix, np.float64)[:3, :3])
     lists = (read_only(voxels.row_start), read_only(voxels.column), points.offsets, voxels.shape_xyz[1])
-    pieces = -(-len(voxels) // (LOOKED_UP_AT_ONCE * thread_count(threads)))
-    ends = np.searchsorted(voxels.row_start, np.linspace(0, len(voxels), pieces + 1)).tolist()
-    for piece, (first, last) in enumerate(pairwise(ends)):
-        yield piece / pieces
+    for done, first, count in row_pieces(voxels, LOOKED_UP_AT_ONCE * thread_count(threads)):
+        yield done
         with parallel_call(threads):
-            _block(first, last - first, lists, seen, limits, place, pyramid, np.float32(share), beside, left)
+            _block(first, count, lists, seen, limits, place, pyramid, np.float32(share), beside, left)
 
 
 def _limits(nearest, place, edges) -> np.ndarray:

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..classify.classification import RED
 from ..classify.reference import find_targets
+from ..encode.reference import list_runs
 from ..volume.axes import AXES
 from ..volume.reference import CHUNK
 from .environment import light_by_normal
@@ -24,12 +25,10 @@ FULL = FULL_CODE  # code of transmittance 1; codes are rounded multiples
 
 def light_colors(falling, voxels, part, n, colors):
     """(k, 3) float32 shaded colors of voxels ``part`` (a slice) with normals ``n`` (k, 3) and own ``colors`` (k, 3)."""
-    own = colors
-    n_y, matrix = voxels.shape_xyz[1], falling.matrix
+    own, matrix = colors, falling.matrix
     _, diffuse, specular, shininess = falling.material[:4]
     shadows = falling.shadows or Shadows(np.empty((0, 0), np.uint16), np.full(len(falling.rows) + 1, -1))
-    row = np.searchsorted(voxels.row_start, np.arange(part.start, part.stop), side="right") - 1
-    index = np.stack((voxels.column[part].astype(np.float64), row % n_y, row // n_y), axis=1)
+    index = _places_of(voxels.row_start, voxels.column, voxels.shape_xyz, part)
     points = index @ matrix[:3, :3].T + matrix[:3, 3]
     view = unit_vectors(falling.eye[:3] - falling.eye[3] * points)
     everywhere, sky = falling.material[4:7], shadows.share(-1, part)
@@ -56,6 +55,12 @@ def light_colors(falling, voxels, part, n, colors):
     if falling.shadows is not None:
         colors = colors * np.divide(arrives, every, out=np.ones_like(every), where=every > 0.0)[:, None]
     return np.where(n.any(axis=1)[:, None], own * matt + gloss, colors).astype(np.float32)
+
+
+def _places_of(row_start, column, shape_xyz, part=slice(None)) -> np.ndarray:
+    """(n, 3) float64 x, y, z of the voxels ``part`` of a list."""
+    row = np.searchsorted(row_start, np.arange(len(column))[part], side="right") - 1
+    return np.stack((column[part].astype(np.float64), row % shape_xyz[1], row // shape_xyz[1]), axis=1)
 
 
 def find_light(light, points):
@@ -153,9 +158,7 @@ def shade_nodes(sweep, tables, starts, extinction, meshes, place, nodes, share: 
 
 def read_nodes(nodes, pitch: int, strength: float, voxels, points, left, known, codes, channel: int) -> None:
     """Light at points beside voxels between nodes, as ``light_nodes._read``."""
-    n_y = voxels.shape_xyz[1]
-    row = np.searchsorted(voxels.row_start, np.arange(len(voxels)), side="right") - 1
-    at = np.stack((voxels.column.astype(np.float64), row % n_y, row // n_y), axis=1)
+    at = _places_of(voxels.row_start, voxels.column, voxels.shape_xyz)
     at += pitch * np.rint(_towards_lamp(points, at)) / STEPS
     # The last position is one step of the offsets before the last node.
     last = np.array(nodes.shape[::-1]) - 1.0 - 1.0 / (STEPS * pitch)
@@ -191,21 +194,10 @@ def _within(places, count: int) -> np.ndarray:
 
 def _voxels_of(tables, starts, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(n,) column, scanline and list position of each voxel of a slice."""
-    columns, lines, data = [], [], []
-    for j in np.flatnonzero(tables.scanline_pointers[k] >= 0):
-        run, x, at = int(tables.scanline_pointers[k, j]), 0, int(starts[k, j])
-        while x < tables.width:
-            x += int(tables.runs[run])
-            if x >= tables.width:
-                break
-            count = int(tables.runs[run + 1])
-            columns.append(np.arange(x, x + count))
-            lines.append(np.full(count, j))
-            data.append(np.arange(at, at + count))
-            run, x, at = run + 2, x + count, at + count
-    if not columns:
-        return (np.zeros(0, np.int64),) * 3
-    return np.concatenate(columns), np.concatenate(lines), np.concatenate(data)
+    found = [(np.zeros(0, np.int64),) * 3]
+    for j, x, at, count in list_runs(tables.scanline_pointers, starts, tables.runs, tables.width, k):
+        found.append((np.arange(x, x + count), np.full(count, j), np.arange(at, at + count)))
+    return tuple(map(np.concatenate, zip(*found)))
 
 
 def _interpolate(table, y, x) -> np.ndarray:
@@ -281,8 +273,7 @@ def place_surfaces(
 ):  # fmt: skip
     """Codes and offsets of kept voxels, as ``surface_points._place``, of all of them at a time."""
     matrix, to_index = np.reshape(matrix, (3, 4)), np.reshape(to_index, (3, 3))
-    row = np.searchsorted(row_start, np.arange(len(column)), side="right") - 1
-    index = np.stack((column.astype(np.float64), row % shape_xyz[1], row // shape_xyz[1]), axis=1)
+    index = _places_of(row_start, column, shape_xyz)
     m = vectors.astype(np.float64) / ONE
     side, away = _sides(stored.astype(np.float64) * slope + intercept, ranges)
     m = unit_vectors(m @ np.reshape(covector, (3, 3)).T) * (side * np.linalg.norm(m, axis=1))[:, None]
@@ -344,9 +335,8 @@ def _towards_lamp(points, index) -> np.ndarray:
 
 def block_light(meshes, voxels, points, place, pyramid, share: int, beside: bool, left) -> None:
     """Take from voxels what meshes block, as ``mesh_light._block``."""
-    (up, source, (*_, c)), n_y = pyramid, voxels.shape_xyz[1]
-    row = np.searchsorted(voxels.row_start, np.arange(len(voxels)), side="right") - 1
-    at = np.stack((voxels.column.astype(np.float64), row % n_y, row // n_y), axis=1)
+    up, source, (*_, c) = pyramid
+    at = _places_of(voxels.row_start, voxels.column, voxels.shape_xyz)
     at += beside * points.offsets / STEPS
     x, y, w, reached = np.reshape(place, (4, 4)) @ np.vstack((at.T, np.ones(len(at))))
     own = w > 0.0
@@ -390,8 +380,8 @@ def _sides(values, ranges) -> tuple[np.ndarray, np.ndarray]:
 def _dense(row_start, column, extinction, shape_xyz, bricks_zyx) -> np.ndarray:
     """Extinction of all corners of bricks, by z, y and x."""
     found = np.zeros([8 * count + 1 for count in bricks_zyx], np.float32)
-    row = np.searchsorted(row_start, np.arange(len(column)), side="right") - 1
-    found[row // shape_xyz[1], row % shape_xyz[1], column] = extinction
+    x, y, z = _places_of(row_start, column, shape_xyz).astype(np.int64).T
+    found[z, y, x] = extinction
     return found
 
 
@@ -427,8 +417,7 @@ def trace_light(lists, medium, lamp, limits, free, sums):
     for number, (k, j, i) in enumerate(np.argwhere(numbers >= 0) * 8):
         dense[k : k + 9, j : j + 9, i : i + 9] = corners.reshape(-1, 9, 9, 9)[number]
     is_sun, point, metric, weight, scattered, _ = lamp
-    row = np.searchsorted(row_start, np.arange(len(column)), side="right") - 1
-    start = np.stack((column.astype(np.float64), row % shape_xyz[1], row // shape_xyz[1]), axis=1)
+    start = _places_of(row_start, column, shape_xyz)
     start = np.clip(start + _towards_lamp(points, start) / STEPS, -1.0, shape_xyz)
     left = weight * (free / np.float32(FULL) if len(free) else np.ones(len(start), np.float32))
     for first in range(0, len(start), RAYS_AT_ONCE):

@@ -15,20 +15,7 @@ from ..runtime.jit import compiled, inner_loop, kernel, parallel_call, read_only
 from ..runtime.parallel import share_out
 from ..scene import RleSplatError
 from . import reference
-from .chunk_light import (
-    DB,
-    DG,
-    DR,
-    LANES,
-    SB,
-    SCRATCH,
-    SG,
-    SHARE,
-    SR,
-    add_near,
-    add_rays,
-    clear_light,
-)
+from .chunk_light import DB, DG, DR, LANES, SB, SCRATCH, SG, SHARE, SR, add_near, add_rays, clear_light
 from .lighting import Lighting
 from .lights import KIND, NEAREST, RGB, SUN
 

@@ -125,6 +125,14 @@ def faces_of(clips, index_to_world) -> Faces:
     return Faces(*(read_only(np.ascontiguousarray(each)) for each in (normals, rows[:, 3], widths, boxes)))
 
 
+def row_pieces(voxels: VisibleVoxels, at_once: int):
+    """Yield the fraction done, the first row and the number of rows of pieces of about so many voxels."""
+    pieces = -(-len(voxels) // at_once)
+    ends = np.searchsorted(voxels.row_start, np.linspace(0, len(voxels), pieces + 1)).tolist()
+    for piece, (first, last) in enumerate(pairwise(ends)):
+        yield piece / pieces, first, last - first
+
+
 def shown_ranges(opacity) -> np.ndarray:
     """(k, 2) float64, ascending: the ranges of values that a transfer function shows; its ends may be infinite.
 
@@ -192,12 +200,10 @@ def place_steps(
     if not compiled():
         reference.place_surfaces(surfaces.vectors, surfaces.steepness, stored, *arguments)
         return read_only(codes), read_only(offsets) if with_points else None
-    pieces = -(-len(voxels) // PLACED_AT_ONCE)
-    ends = np.searchsorted(voxels.row_start, np.linspace(0, len(voxels), pieces + 1)).tolist()
-    for piece, (first, last) in enumerate(pairwise(ends)):
-        yield piece / pieces
+    for done, first, count in row_pieces(voxels, PLACED_AT_ONCE):
+        yield done
         with parallel_call(threads):
-            _place(first, last - first, surfaces.vectors, surfaces.steepness, StoredValues.of(stored), *arguments)
+            _place(first, count, surfaces.vectors, surfaces.steepness, StoredValues.of(stored), *arguments)
     return read_only(codes), read_only(offsets) if with_points else None
 
 
@@ -282,7 +288,7 @@ _value_at = by_any_type(_as_float)
 
 
 @inner_loop
-def _smoothstep(t):
+def smoothstep(t):
     t = min(max(t, 0.0), 1.0)
     return t * t * (3.0 - 2.0 * t)
 
@@ -307,10 +313,10 @@ def _side(value, ranges):
     down, up = value - below, above - value
     if inside:
         balance = _balance(up, down, has_above, has_below)
-        side = 2.0 * _smoothstep(0.5 * (balance / SIDE + 1.0)) - 1.0
+        side = 2.0 * smoothstep(0.5 * (balance / SIDE + 1.0)) - 1.0
         return side, down if side >= 0.0 else up
     balance = _balance(down, up, has_below, has_above)
-    return 2.0 * _smoothstep(0.5 * (balance / SIDE + 1.0)) - 1.0, 0.0
+    return 2.0 * smoothstep(0.5 * (balance / SIDE + 1.0)) - 1.0, 0.0
 
 
 @inner_loop
@@ -330,7 +336,7 @@ def _clip_faces(px, py, pz, faces, matrix, keep, fx, fy, fz, nearest):
     for k in range(widths.size):
         nx, ny, nz = normals[k, 0], normals[k, 1], normals[k, 2]
         distance = abs(plane_offsets[k] - (nx * px + ny * py + nz * pz))
-        share = 1.0 - _smoothstep((distance / widths[k] - NEAR) / (FAR - NEAR))
+        share = 1.0 - smoothstep((distance / widths[k] - NEAR) / (FAR - NEAR))
         keep *= 1.0 - share
         fx, fy, fz = fx + share * nx, fy + share * ny, fz + share * nz
         nearest = min(nearest, distance) if share > 0.0 else nearest
@@ -347,7 +353,7 @@ def _clip_faces(px, py, pz, faces, matrix, keep, fx, fy, fz, nearest):
         distance = math.sqrt(nx * nx + ny * ny + nz * nz)
         if distance > 0.0:
             nx, ny, nz = nx / distance, ny / distance, nz / distance
-            share = 1.0 - _smoothstep((distance / _width(nx, ny, nz, matrix) - NEAR) / (FAR - NEAR))
+            share = 1.0 - smoothstep((distance / _width(nx, ny, nz, matrix) - NEAR) / (FAR - NEAR))
             keep *= 1.0 - share
             fx, fy, fz = fx + share * nx, fy + share * ny, fz + share * nz
             nearest = min(nearest, distance) if share > 0.0 else nearest
@@ -429,7 +435,7 @@ def _place_rows(
             depth = min(away / steep, most) if steep > 0.0 else most if away > 0.0 else 0.0
             if keep < 1.0:
                 depth = keep * depth + (1.0 - keep) * nearest
-            b = FURTHER * _smoothstep(size / TRUSTED) * min(depth + width, most)
+            b = FURTHER * smoothstep(size / TRUSTED) * min(depth + width, most)
             offsets[i, 0] = _moved(b, nx * to_index[0] + ny * to_index[1] + nz * to_index[2])
             offsets[i, 1] = _moved(b, nx * to_index[3] + ny * to_index[4] + nz * to_index[5])
             offsets[i, 2] = _moved(b, nx * to_index[6] + ny * to_index[7] + nz * to_index[8])

@@ -80,7 +80,7 @@ def label_field(cells: LabelCells, plane: BasePlane) -> LabelField:
     """The LabelField of a base plane."""
     ways = (
         read_only(np.stack((at - plane.reference * slope, plane.sign * slope)))
-        for at, slope in zip(plane.points(), plane.ray_slopes)
+        for at, slope in zip(plane.points, plane.ray_slopes)
     )
     (n_x, n_y, _), axes = cells.shape_xyz, list(AXES[plane.axis])
     counts, strides = (read_only(np.array(each, np.int64)[axes]) for each in (cells.shape_xyz, (1, n_x, n_x * n_y)))

@@ -42,7 +42,7 @@ def mist_rays(plane: BasePlane, mist: Mist | None) -> MistRays:
     """The mist of a scene for the sheet pixels of a base plane; ``mist``: None for none."""
     if mist is None:
         return NO_MIST
-    x, y = plane.points()
+    x, y = plane.points
     at_zero, per_voxel = plane.depth_along(x[None, :], y[:, None])
     per_voxel = plane.sign * per_voxel
     stretch = 1.0

@@ -63,29 +63,38 @@ def _transmitted(tau2):
     return negated.power_of_two(kind), p
 
 
-@intrinsic
-def place_tent(typing, cells, fractions, to, start, scale, top):
-    """Where the samples of one block lie on a scanline: float index of the left voxel, fraction to the right one.
+def _placer(is_padded: bool):
+    @intrinsic
+    def place_samples(typing, cells, fractions, to, start, scale, top):
+        """Where the samples of one block lie on a scanline: the left voxel, and the fraction to the right one.
 
-    ``start``: of the first sample in sheet pixels from voxel 0, ``scale`` sheet pixels a voxel, both float64;
-    divided by it as ``footprints.voxel_at`` is.  ``top``: the last valid coordinate, float64, in voxels, shifted
-    by one: index 0 of a scanline is voxel -1, and the outermost voxels are zero.  Out: ``cells`` int32 and
-    ``fractions`` float32, from number ``to`` on.
-    """
+        ``start``: of the first sample in sheet pixels from voxel 0, ``scale`` sheet pixels a voxel, both float64;
+        divided by it as ``footprints.voxel_at`` is.  ``top``: the last valid coordinate, float64, in voxels.  Out:
+        ``cells`` int32, the voxel's number, and ``fractions`` float32, from number ``to`` on.  If the scanline
+        ``is_padded``, its index 0 is voxel -1, which ``top`` counts too, and ``cells`` are those of the first of four
+        floats.
+        """
 
-    def generate(context, builder, signature, arguments):
-        cells, fractions, to, start, scale, top = arguments
-        start, scale, top = (Vector.spread(builder, number, BLOCK) for number in (start, scale, top))
-        pixels = Vector(builder, ir.Constant(ir.VectorType(DOUBLE, BLOCK), [float(i) for i in range(BLOCK)]))
-        x = ((start + pixels) / scale + 1.0).most(0.0).least(top)
-        cell = x.truncated()
-        (x - cell.as_float(DOUBLE)).as_single().store(place(context, builder, signature.args[1], fractions, to))
-        four = Vector(builder, builder.shl(cell.value, ir.Constant(ir.VectorType(INTEGER, BLOCK), [2] * BLOCK)))
-        four.store(place(context, builder, signature.args[0], cells, to))
-        return context.get_dummy_value()
+        def generate(context, builder, signature, arguments):
+            cells, fractions, to, start, scale, top = arguments
+            start, scale, top = (Vector.spread(builder, number, BLOCK) for number in (start, scale, top))
+            pixels = Vector(builder, ir.Constant(ir.VectorType(DOUBLE, BLOCK), [float(i) for i in range(BLOCK)]))
+            x = (start + pixels) / scale
+            x = (x + 1.0 if is_padded else x).most(0.0).least(top)
+            cell = x.truncated()
+            (x - cell.as_float(DOUBLE)).as_single().store(place(context, builder, signature.args[1], fractions, to))
+            if is_padded:
+                cell = Vector(builder, builder.shl(cell.value, cell.like(2)))
+            cell.store(place(context, builder, signature.args[0], cells, to))
+            return context.get_dummy_value()
 
-    numbers = (types.float64,) * 3
-    return types.void(cells, fractions, types.intp, *numbers), generate
+        numbers = (types.float64,) * 3
+        return types.void(cells, fractions, types.intp, *numbers), generate
+
+    return place_samples
+
+
+place_tent, place_inside = _placer(True), _placer(False)
 
 
 @intrinsic
@@ -224,59 +233,43 @@ def counted(builder, transmittance, least):
     return builder.add(left, builder.shl(bright, ir.Constant(bright.type, 8)))
 
 
-def _composite(absorb, types_of, context, builder, arguments):
-    """Two scanlines mixed and composited by one of the two above; see ``composite_extinction``."""
-    sheet, at, below, down, depth, deep, thickness, least, state, row, before = arguments
-    sheet_type, depth_type, state_type, before_type = (types_of[n] for n in (0, 4, 8, 10))
-    upper = row_planes(context, builder, sheet_type, sheet, at)
-    lower = row_planes(context, builder, sheet_type, sheet, below)
-    down = Vector.spread(builder, down, BLOCK)
-    *colors, samples = (a + (b - a) * down for a, b in zip(upper, lower, strict=True))
-    length = Vector.load(builder, place(context, builder, depth_type, depth, deep), BLOCK)
-    length = length * Vector.spread(builder, thickness, BLOCK)
-    return composited(
-        context, builder, absorb, colors, samples, length, least, state_type, state, row, before_type, before
-    )
+def _compositor(absorb):
+    @intrinsic
+    def composite(typing, sheet, at, below, down, depth, deep, thickness, least, state, row, before):
+        """One block of one sheet over the row.
+
+        ``sheet``: associated color and extinction of the scanlines at ``at`` and ``below``, ``down`` the fraction
+        (float32) towards the latter.  ``depth[deep:]``: float32 world length of the rays per voxel of ``thickness``.
+        ``least``: transmittance at which a pixel is opaque.  ``state[row:]``: the block so far; ``before`` (BLOCK,)
+        is where its transmittance ahead of this sheet goes; both float32 or both float64.
+        Returns how many pixels are not yet opaque, plus 256 times how many have at least half their light left.
+        """
+
+        def generate(context, builder, signature, arguments):
+            sheet, at, below, down, depth, deep, thickness, least, state, row, before = arguments
+            sheet_type, depth_type, state_type, before_type = (signature.args[n] for n in (0, 4, 8, 10))
+            upper = row_planes(context, builder, sheet_type, sheet, at)
+            lower = row_planes(context, builder, sheet_type, sheet, below)
+            down = Vector.spread(builder, down, BLOCK)
+            *colors, samples = (a + (b - a) * down for a, b in zip(upper, lower, strict=True))
+            length = Vector.load(builder, place(context, builder, depth_type, depth, deep), BLOCK)
+            length = length * Vector.spread(builder, thickness, BLOCK)
+            return composited(
+                context, builder, absorb, colors, samples, length, least, state_type, state, row, before_type, before
+            )
+
+        number, places = types.float32, (types.intp, types.intp)
+        given = sheet, *places, number, depth, types.intp, number, number, state, types.intp, before
+        return types.int64(*given), generate
+
+    return composite
 
 
-def _composite_types(sheet, depth, state, before):
-    places, numbers = (types.intp, types.intp), (types.float32, types.float32)
-    return types.int64(
-        sheet, *places, types.float32, depth, types.intp, *numbers, state, types.intp, before
-    )  # fmt: skip
-
-
-@intrinsic
-def composite_extinction(typing, sheet, at, below, down, depth, deep, thickness, least, state, row, before):
-    """One block of one sheet of extinction over the row: the exact solution of a homogeneous slab.
-
-    ``sheet``: associated color and extinction of the scanlines at ``at`` and ``below``, ``down`` the fraction
-    (float32) towards the latter.  ``depth[deep:]``: float32 world length of the rays per voxel of ``thickness``.
-    ``least``: transmittance at which a pixel is opaque.  ``state[row:]``: the block so far; ``before`` (BLOCK,)
-    is where its transmittance ahead of this sheet goes; both float32 or both float64.
-    C += T * (1 - exp(-tau)) * Q / tau ;  T *= exp(-tau)   (algorithm.md 1.6).  1 - exp is formed without
-    cancellation, as (1 - 2**-n) - 2**-n * (2**r - 1).
-    Returns how many pixels are not yet opaque, plus 256 times how many have at least half their light left.
-    """
-
-    def generate(context, builder, signature, arguments):
-        return _composite(slab, signature.args, context, builder, arguments)
-
-    return _composite_types(sheet, depth, state, before), generate
-
-
-@intrinsic
-def composite_added(typing, sheet, at, below, down, depth, deep, thickness, least, state, row, before):
-    """One block of one sheet of opacities over the row, as the paper adds them: see ``composite_extinction``.
-
-    ``sheet``: opacity-weighted color and opacity, whose sum over the footprints is clamped to one.  ``depth``
-    and ``thickness`` do not count.
-    """
-
-    def generate(context, builder, signature, arguments):
-        return _composite(_added, signature.args, context, builder, arguments)
-
-    return _composite_types(sheet, depth, state, before), generate
+# The exact solution of a homogeneous slab of extinction (algorithm.md 1.6),
+#     C += T * (1 - exp(-tau)) * Q / tau ;  T *= exp(-tau),
+# in which 1 - exp is formed without cancellation, as (1 - 2**-n) - 2**-n * (2**r - 1); and opacities as the paper adds
+# them, whose sum over the footprints is clamped to one, whatever the length of the rays.
+composite_extinction, composite_added = _compositor(slab), _compositor(_added)
 
 
 @intrinsic

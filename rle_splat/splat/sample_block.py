@@ -17,7 +17,7 @@ from ..shade.lights import AREA, AXIS, CONE, EDGE, KIND, NEAREST, POSITION, SPOT
 from ..shade.sample_light import ALMOST_NONE, RAMP, ROUNDING, SPREAD, TRUSTED, TURNED
 from .pixel_block import BLOCK
 from .sample_lamps import AMBIENT, EVERYWHERE, GLOSS, HELD, LAMP, MATT, NO_PLANE, SHININESS
-from .scalar_block import block_of, mix_blocks, put_block, rows_of
+from .scalar_block import block_of, mix_blocks, put_block, rows_of, scalars_of_ends
 
 AT_FIRST = np.float32(0.5)  # of the least weight, which a pixel begins with: its first sample soon has its own light
 NONE_YET = np.float32(-1.0)  # the first number of a block's light, where it has none
@@ -280,6 +280,13 @@ def _scanline_shares(down: Vector, share: Vector | None = None):
     return (nearer, down) if share is None else (nearer * share, down * share)
 
 
+def _put_span(context, builder, signature, arguments, shown):
+    """Put ``_span_shown`` of the ends ``shown`` of values into the last of ``arguments``, shares."""
+    here, there = scalars_of_ends(context, builder, signature, arguments)
+    for number, end in zip((SPAN_BEGIN, SPAN_END), _span_shown(here, there, *shown), strict=True):
+        put_block(context, builder, signature.args[-1], arguments[-1], number, end)
+
+
 @intrinsic
 def find_span(
     typing, sheet, upper, lower, down, before, upper_before, lower_before, down_before, low, high, shares
@@ -288,14 +295,8 @@ def find_span(
     ``scalar_block.look_between``."""
 
     def generate(context, builder, signature, arguments):
-        sheet, upper, lower, down, before, upper_before, lower_before, down_before, low, high, shares = arguments
-        down, down_before, low, high = (
-            Vector.spread(builder, number, BLOCK) for number in (down, down_before, low, high)
-        )
-        here = mix_blocks(context, builder, signature.args[0], sheet, upper, lower, down, 0)
-        there = mix_blocks(context, builder, signature.args[4], before, upper_before, lower_before, down_before, 0)
-        for number, end in zip((SPAN_BEGIN, SPAN_END), _span_shown(here, there, low, high), strict=True):
-            put_block(context, builder, signature.args[10], shares, number, end)
+        shown = (Vector.spread(builder, number, BLOCK) for number in arguments[8:10])
+        _put_span(context, builder, signature, arguments, shown)
         return context.get_dummy_value()
 
     places, number = (types.intp, types.intp), types.float32
@@ -309,13 +310,8 @@ def find_span_each(
     """As ``find_span``, where each pixel has a table of its own; ``looks``: see ``scalar_block.look_between_each``."""
 
     def generate(context, builder, signature, arguments):
-        sheet, upper, lower, down, before, upper_before, lower_before, down_before, looks, shares = arguments
-        down, down_before = (Vector.spread(builder, number, BLOCK) for number in (down, down_before))
-        low, high = (block_of(context, builder, signature.args[8], looks, number) for number in (3, 4))
-        here = mix_blocks(context, builder, signature.args[0], sheet, upper, lower, down, 0)
-        there = mix_blocks(context, builder, signature.args[4], before, upper_before, lower_before, down_before, 0)
-        for number, end in zip((SPAN_BEGIN, SPAN_END), _span_shown(here, there, low, high), strict=True):
-            put_block(context, builder, signature.args[9], shares, number, end)
+        shown = (block_of(context, builder, signature.args[8], arguments[8], number) for number in (3, 4))
+        _put_span(context, builder, signature, arguments, shown)
         return context.get_dummy_value()
 
     places, number = (types.intp, types.intp), types.float32

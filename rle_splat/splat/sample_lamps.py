@@ -101,7 +101,7 @@ def sample_lamps(light: SampleLight, plane: BasePlane, shape_xyz, termination: f
     sky[:, : len(LINEAR)] *= -1.0  # terms are of the gradient, which points inwards
     slopes = [np.asarray(each, np.float64) for each in plane.ray_slopes]
     away = middle[k] - plane.reference
-    bases = [x + away * slope - middle[axis] for x, slope, axis in zip(plane.points(), slopes, (i, j))]
+    bases = [x + away * slope - middle[axis] for x, slope, axis in zip(plane.points, slopes, (i, j))]
     ahead = directions * (-plane.sign / np.linalg.norm(directions[2]))
     return SampleLamps(
         _single(lamps), shares, scattered, np.float32(light.indirect), light.planes if light.opened else NO_PLANE,

@@ -8,7 +8,7 @@ shades itself).
 from __future__ import annotations
 
 from ..runtime.llvm import intrinsic, ir, types
-from ..runtime.vectors import DOUBLE, FLOAT, INTEGER, Vector, count_lanes, place, transpose4
+from ..runtime.vectors import FLOAT, INTEGER, Vector, count_lanes, place, transpose4
 from ..shade.sample_light import NORMAL
 from .pixel_block import BLOCK, composited, slab
 
@@ -16,28 +16,6 @@ from .pixel_block import BLOCK, composited, slab
 # sums are as good as float32 sums of all entries are, so that few of them would lose in rounding what they gain.
 SPAN = 32.0
 ROW_BITS = 4  # a row of a lookup table is 2**ROW_BITS bytes, four float32: what is kept of an entry is where it begins
-
-
-@intrinsic
-def place_inside(typing, cells, fractions, to, start, scale, top):
-    """Where the samples of one block lie on a scanline, none beyond its ends: see ``pixel_block.place_tent``.
-
-    ``top``: the last voxel, float64.  Out: ``cells`` int32, the number of the left voxel, and ``fractions``
-    float32 to the right one, from number ``to`` on.
-    """
-
-    def generate(context, builder, signature, arguments):
-        cells, fractions, to, start, scale, top = arguments
-        start, scale, top = (Vector.spread(builder, number, BLOCK) for number in (start, scale, top))
-        pixels = Vector(builder, ir.Constant(ir.VectorType(DOUBLE, BLOCK), [float(i) for i in range(BLOCK)]))
-        x = ((start + pixels) / scale).most(0.0).least(top)
-        cell = x.truncated()
-        (x - cell.as_float(DOUBLE)).as_single().store(place(context, builder, signature.args[1], fractions, to))
-        cell.store(place(context, builder, signature.args[0], cells, to))
-        return context.get_dummy_value()
-
-    numbers = (types.float64,) * 3
-    return types.void(cells, fractions, types.intp, *numbers), generate
 
 
 def _join(parts):
@@ -53,8 +31,8 @@ def _resampler(planes):
         """So many planes of voxels along a scanline, linearly: a block of sheet pixels of each.
 
         ``line[base:]``: the voxels, planes of ``stride`` numbers.  ``cells`` and ``fractions``, from number ``first``
-        on: of ``place_inside``.  Out: ``sheet`` from ``at`` on.  Both voxels are multiplied by their shares, so that a
-        voxel which is not kept leaves no trace where its share is zero.
+        on: of ``pixel_block.place_inside``.  Out: ``sheet`` from ``at`` on.  Both voxels are multiplied by their
+        shares, so that a voxel which is not kept leaves no trace where its share is zero.
         """
 
         def generate(context, builder, signature, arguments):
@@ -109,6 +87,16 @@ def mix_blocks(context, builder, sheet_type, sheet, upper, lower, down, plane):
         for at in (upper, lower)
     )
     return above.mixed(Vector(builder, down.like(1.0)) - down, below, down)
+
+
+def scalars_of_ends(context, builder, signature, arguments):
+    """The scalar of a block of one sheet and of the sheet before, the first eight ``arguments`` of ``look_between``."""
+    ends = []
+    for first in (0, 4):
+        sheet, upper, lower, down = arguments[first : first + 4]
+        down = Vector.spread(builder, down, BLOCK)
+        ends.append(mix_blocks(context, builder, signature.args[first], sheet, upper, lower, down, 0))
+    return ends
 
 
 def put_block(context, builder, array_type, array, number, value, first=None):
@@ -216,17 +204,8 @@ def look_between(
     """
 
     def generate(context, builder, signature, arguments):
-        sheet, upper, lower, down, before, upper_before, lower_before, down_before = arguments[:8]
-        least, low, high, nearest, furthest, origin, rate, last = arguments[8:16]
-        down, down_before = (Vector.spread(builder, n, BLOCK) for n in (down, down_before))
-        here = mix_blocks(context, builder, signature.args[0], sheet, upper, lower, down, 0)
-        there = mix_blocks(context, builder, signature.args[4], before, upper_before, lower_before, down_before, 0)
-        least, low, high, nearest, furthest, origin, rate = (
-            Vector.spread(builder, n, BLOCK) for n in (least, low, high, nearest, furthest, origin, rate)
-        )
-        final = Vector.spread(builder, last, BLOCK)
-        numbers = least, low, high, nearest, furthest, origin, rate
-        found = _between(builder, here, there, numbers, final)
+        *numbers, final = (Vector.spread(builder, n, BLOCK) for n in arguments[8:16])
+        found = _between(builder, *scalars_of_ends(context, builder, signature, arguments), numbers, final)
         return _put_between(context, builder, signature.args[16:], arguments[16:], found)
 
     numbers, places = (types.float32,), (types.intp, types.intp)
@@ -248,13 +227,11 @@ def look_between_each(
     """
 
     def generate(context, builder, signature, arguments):
-        sheet, upper, lower, down, before, upper_before, lower_before, down_before, looks, rows = arguments[:10]
-        down, down_before = (Vector.spread(builder, n, BLOCK) for n in (down, down_before))
-        here = mix_blocks(context, builder, signature.args[0], sheet, upper, lower, down, 0)
-        there = mix_blocks(context, builder, signature.args[4], before, upper_before, lower_before, down_before, 0)
+        looks, rows = arguments[8:10]
         origin, rate, *others = (block_of(context, builder, signature.args[8], looks, n) for n in range(7))
         final, base = (block_of(context, builder, signature.args[9], rows, n, INTEGER) for n in range(2))
-        found = _between(builder, here, there, (*others, origin, rate), final, base)
+        ends = scalars_of_ends(context, builder, signature, arguments)
+        found = _between(builder, *ends, (*others, origin, rate), final, base)
         return _put_between(context, builder, signature.args[10:], arguments[10:], found)
 
     places, number = (types.intp, types.intp), types.float32

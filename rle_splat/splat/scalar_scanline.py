@@ -11,6 +11,7 @@ import numpy as np
 from ..runtime.jit import inner_loop
 from ..runtime.prefetch import fetch_ahead
 from ..shade.sample_light import NORMAL
+from ..volume.stored_scalars import by_type
 from .pixel_block import BLOCK
 from .voxel_groups import (
     FEW,
@@ -80,7 +81,7 @@ def put_scanline(
             at = voxel + low - begin
             far_at = far_voxel + low - far_begin if pair else at
             reach[3] += high - low
-            put_scalars(line, low, high - low, scalars, weight, at, far_weight, far_at, pair)
+            _put_scalars(scalars, line, low, high - low, weight, at, far_weight, far_at, pair)
             put_codes(lamps, codes, line, stride, low, high - low, weight, at, far_weight, far_at, pair)
             put_values(values, codes, line, stride, low, high - low, weight, at, far_weight, far_at, pair)
             reach[0], reach[1] = min(reach[0], low), max(reach[1], high)
@@ -94,22 +95,8 @@ def put_scanline(
 
 
 @inner_loop
-def put_scalars(line, to, count, scalars, weight, voxel, far_weight, far_voxel, pair):
+def _put_stored(stored, line, to, count, weight, voxel, far_weight, far_voxel, pair):
     """``count`` voxels of a scanline from number ``to`` on; see ``put_scanline``."""
-    if scalars.uint8.size > 0:
-        _put_stored(line, to, count, scalars.uint8, weight, voxel, far_weight, far_voxel, pair)
-    elif scalars.int16.size > 0:
-        _put_stored(line, to, count, scalars.int16, weight, voxel, far_weight, far_voxel, pair)
-    elif scalars.uint16.size > 0:
-        _put_stored(line, to, count, scalars.uint16, weight, voxel, far_weight, far_voxel, pair)
-    elif scalars.float32.size > 0:
-        _put_stored(line, to, count, scalars.float32, weight, voxel, far_weight, far_voxel, pair)
-    else:
-        _put_stored(line, to, count, scalars.int8, weight, voxel, far_weight, far_voxel, pair)
-
-
-@inner_loop
-def _put_stored(line, to, count, stored, weight, voxel, far_weight, far_voxel, pair):
     size = MANY if count >= MANY else FEW if count >= FEW else 1
     i = 0
     while i < count:
@@ -123,17 +110,7 @@ def _put_stored(line, to, count, stored, weight, voxel, far_weight, far_voxel, p
         i += size
 
 
-@inner_loop
-def fetch_scalars(scalars, first, count):
-    """Ask for the memory of ``count`` voxels from number ``first`` on."""
-    if scalars.uint8.size > 0:
-        fetch_ahead(scalars.uint8, first, count)
-    elif scalars.float32.size > 0:
-        fetch_ahead(scalars.float32, first, count)
-    elif scalars.int16.size > 0:
-        fetch_ahead(scalars.int16, first, count)
-    elif scalars.uint16.size > 0:
-        fetch_ahead(scalars.uint16, first, count)
+_put_scalars, fetch_scalars = by_type(_put_stored), by_type(fetch_ahead)
 
 
 def _putter(many, few, one):

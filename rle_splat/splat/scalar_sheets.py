@@ -21,10 +21,10 @@ from .arguments import Box, ChannelLookups, CodePlanes, Lookup, ScalarTables
 from .band_walker import band_walker, row_walker, scanline_walker
 from .label_fields import LabelField
 from .mist_block import MistRays
-from .pixel_block import BLOCK
+from .pixel_block import BLOCK, place_inside
 from .rays_in_box import NO_ROW, block_at
 from .sample_block import clear_light
-from .scalar_block import place_inside, resample_lit_planes, resample_plane
+from .scalar_block import resample_lit_planes, resample_plane
 from .scalar_group import GROUP
 from .scalar_scanline import NOT_KEPT, fetch_scalars, put_scanline
 from .scalar_slab import LIVE, NO_SHARE, Pixels, Samples, composite_slab
@@ -129,28 +129,21 @@ def _is_filled(medium, sheets, number, scanline):
 
 
 @inner_loop
-def _put(values, tables, box, planes, sheets, number, scanline, slot, shift_u, scale_u, line, live_count, marks):
+def _put_voxels(medium, footprint, sheets, number, scanline, slot, shift_u, scale_u, line, live_count, marks):
+    """See ``band_walker.scanline_walker``."""
+    line.reach[1] = 0
+    if not _is_filled(medium, sheets, number, scanline):
+        return
+    tables, planes = medium.tables, medium.planes
     near, weight, far_weight = _slices_of(sheets, number)
     far_run, far_voxel = 0, 0
     if far_weight != np.float32(0.0):
         far_run, far_voxel = int(tables.pointers[near + 1, scanline]), tables.data_starts[near + 1, scanline]
     line.reach[0] = tables.width
     put_scanline(
-        line.line, planes.stride, line.reach, marks, slot, scale_u, shift_u, box.overhang,
-        tables.runs, tables.scalars, tables.codes, values, planes.lamps, weight, int(tables.pointers[near, scanline]),
+        line.line, planes.stride, line.reach, marks, slot, scale_u, shift_u, medium.box.overhang, tables.runs,
+        tables.scalars, tables.codes, tables.values, planes.lamps, weight, int(tables.pointers[near, scanline]),
         tables.data_starts[near, scanline], far_weight, far_run, far_voxel, tables.width, line.live, live_count,
-    )  # fmt: skip
-
-
-@inner_loop
-def _put_voxels(medium, footprint, sheets, number, scanline, slot, shift_u, scale_u, line, live_count, marks):
-    """See ``band_walker.scanline_walker``."""
-    line.reach[1] = 0
-    if not _is_filled(medium, sheets, number, scanline):
-        return
-    _put(
-        medium.tables.values, medium.tables, medium.box, medium.planes, sheets, number, scanline,
-        slot, shift_u, scale_u, line, live_count, marks,
     )  # fmt: skip
 
 

@@ -6,20 +6,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..runtime.bits import lowest_bit
 from ..runtime.jit import inner_loop
 from ..view.depth_rules import OWN
 from .arguments import Lookup
 from .channel_block import add_samples, finish_mixing
 from .cut_slab import cut_ends
-from .half_depth import half_way
 from .interval_blocks import count_live, is_outside, is_shortened
 from .label_block import even_number, find_numbers, keep_near, mix_ends, note_looks
 from .label_fields import are_cells
 from .mist_block import copy_colors, fade_added
 from .pixel_block import BLOCK, TRANSMITTANCE
 from .ray_sums import add_depths, gather_values, sheet_depth, thin_slab
-from .rays_in_box import inside_box, interval_in_box
+from .rays_in_box import inside_box
 from .sample_block import begin_light, find_span, find_span_each, light_between, light_mixed, light_own
 from .sample_lamps import HELD
 from .scalar_block import (
@@ -31,7 +29,6 @@ from .scalar_block import (
     look_up,
 )  # fmt: skip
 from .sheet_row import note_half_depth
-from .voxel_scanline import ALL_BITS, NO_BITS, ONE_BIT, WORD
 
 LIVE = 1  # of a block that nothing was composited over: some of its pixels are not opaque
 NO_SHARE = np.float32(0.0)  # of the second of two scanlines
@@ -59,23 +56,28 @@ class Pixels(NamedTuple):
 
 
 @inner_loop
+def _ends_of(intervals, least, is_shortened, begin, end, here, there, pixels, block):
+    """Samples of both ends of a slab: of its sheets, or, where ray intervals cut it, of where rays end in it."""
+    if intervals is not None:
+        if is_shortened and cut_ends(
+            intervals, pixels.v, pixels.first, pixels.count, begin, end, here.samples, here.upper, here.lower,
+            here.down, there.samples, there.upper, there.lower, there.down, least, block.samples,
+        ):  # fmt: skip
+            return Samples(block.samples, BLOCK, BLOCK, NO_SHARE), Samples(block.samples, 0, 0, NO_SHARE)
+    return here, there
+
+
+@inner_loop
 def _look_up(intervals, lookup, kind, is_shortened, begin, end, here, there, pixels, block):
     """The entries of the lookup table for one block of a slab, to ``block``; see ``scalar_block.look_between``."""
     _, _, origin, rate, least, low, high, nearest, furthest, last = lookup
+    entries, spans, shares = block.entries, block.spans, block.shares
     sheet, upper, lower, down = here
-    before, upper_before, lower_before, down_before = there
-    samples, entries, spans, shares = block.samples, block.entries, block.spans, block.shares
     if kind == OWN:
         return look_up(sheet, upper, lower, down, low, high, origin, rate, last, entries, shares)
-    if intervals is not None:
-        if is_shortened and cut_ends(
-            intervals, pixels.v, pixels.first, pixels.count, begin, end, sheet, upper, lower, down, before,
-            upper_before, lower_before, down_before, least, samples,
-        ):  # fmt: skip
-            return look_between(
-                samples, BLOCK, BLOCK, NO_SHARE, samples, 0, 0, NO_SHARE, least, low, high, nearest, furthest, origin,
-                rate, last, entries, spans, shares,
-            )  # fmt: skip
+    (sheet, upper, lower, down), (before, upper_before, lower_before, down_before) = _ends_of(
+        intervals, least, is_shortened, begin, end, here, there, pixels, block
+    )
     return look_between(
         sheet, upper, lower, down, before, upper_before, lower_before, down_before, least, low, high, nearest, furthest,
         origin, rate, last, entries, spans, shares,
@@ -137,23 +139,13 @@ def _find_span(lamps, lookup, here, there, block):
 @inner_loop
 def _look_up_each(intervals, least, kind, is_shortened, begin, end, here, there, pixels, block):
     """As ``_look_up``, each pixel by the table that ``note_looks`` has noted."""
-    sheet, upper, lower, down = here
-    before, upper_before, lower_before, down_before = there
-    samples, looks, rows = block.samples, block.looks, block.table_rows
     if kind == OWN:
-        before, upper_before, lower_before, down_before = here
-    elif intervals is not None:
-        if is_shortened and cut_ends(
-            intervals, pixels.v, pixels.first, pixels.count, begin, end, sheet, upper, lower, down, before,
-            upper_before, lower_before, down_before, least, samples,
-        ):  # fmt: skip
-            return look_between_each(
-                samples, BLOCK, BLOCK, NO_SHARE, samples, 0, 0, NO_SHARE, looks, rows, block.entries, block.spans,
-                block.shares,
-            )  # fmt: skip
+        there = here
+    else:
+        here, there = _ends_of(intervals, least, is_shortened, begin, end, here, there, pixels, block)
     return look_between_each(
-        sheet, upper, lower, down, before, upper_before, lower_before, down_before, looks, rows, block.entries,
-        block.spans, block.shares,
+        here.samples, here.upper, here.lower, here.down, there.samples, there.upper, there.lower, there.down,
+        block.looks, block.table_rows, block.entries, block.spans, block.shares,
     )  # fmt: skip
 
 
@@ -246,25 +238,6 @@ def _classified(
 
 
 @inner_loop
-def _note_half_depth(cut, box, intervals, begin, end, state, to, pixels, block, half):
-    """As ``sheet_row.note_half_depth``, where the slab may be ``cut`` by the box or by intervals."""
-    if not cut:
-        note_half_depth(
-            block.before, state, to + TRANSMITTANCE, begin, end, half, pixels.v, pixels.first, pixels.count,
-            block.samples,
-        )  # fmt: skip
-        return
-    parts = block.samples
-    halved = half_way(block.before, state, to + TRANSMITTANCE, parts) & (ALL_BITS >> np.uint64(WORD - pixels.count))
-    while halved != NO_BITS:
-        i = lowest_bit(halved)
-        halved &= halved - ONE_BIT
-        from_, behind = interval_in_box(box.columns, box.rows, intervals, pixels.v, pixels.first, i)
-        from_, behind = max(begin, from_), min(end, behind)
-        half[pixels.v, pixels.first + i] = from_ + parts[i] * (behind - from_)
-
-
-@inner_loop
 def _light_slab(
     channels, lookup, here, there, length, deep, thickness, left, position, at, lamps, pixels, block, rows
 ):  # fmt: skip
@@ -320,9 +293,7 @@ def _thin(thinning, here, there, length, deep, block):
 
 
 @inner_loop
-def _composite_classified(
-    intervals, mist, medium, length, deep, begin, end, thickness, cut, pixels, rows, block, half
-):  # fmt: skip
+def _composite_classified(intervals, mist, medium, length, deep, begin, end, thickness, pixels, rows, block, half):
     """Composite a classified block; how many of its pixels are not opaque."""
     r, b, v, first_pixel, count = pixels
     state, to = rows.state, 4 * BLOCK * (r * rows.bright.shape[1] + b)
@@ -338,7 +309,10 @@ def _composite_classified(
     bright = found >> 8
     if bright != rows.bright[r, b]:
         rows.bright[r, b] = bright
-        _note_half_depth(cut, medium.box, intervals, begin, end, state, to, pixels, block, half)
+        note_half_depth(
+            medium.box, intervals, block.before, state, to + TRANSMITTANCE, begin, end, half, v, first_pixel, count,
+            block.samples,
+        )  # fmt: skip
     return count_live(intervals, found & 255, rows.bounds, r, b, end, state, to, medium.least, v, first_pixel, count)
 
 
@@ -404,5 +378,5 @@ def composite_slab(
         rows,
     )  # fmt: skip
     return _composite_classified(
-        intervals, mist, medium, length, deep, begin, end, thickness, cut, pixels, rows, block, half
+        intervals, mist, medium, length, deep, begin, end, thickness, pixels, rows, block, half
     )

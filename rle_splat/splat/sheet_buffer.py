@@ -28,14 +28,7 @@ from .pixel_block import (
     resample_tent,
     resample_voxel_by_voxel,
 )
-from .sheet_row import (
-    composite_opacity,
-    mix_blocks,
-    note_half_depth,
-    note_half_depth_inside,
-    place_wide_taps,
-    resample_wide,
-)
+from .sheet_row import composite_opacity, mix_blocks, note_half_depth, place_wide_taps, resample_wide
 from .voxel_scanline import NO_BITS, ONE_BIT, WORD, add_runs, fetch_records
 
 LIVE = 1  # of a block that nothing was composited over: some of its pixels are not opaque
@@ -345,15 +338,10 @@ def _composite_slab(
     bright = pixels >> 8
     if bright != rows.bright[r, b]:
         rows.bright[r, b] = bright
-        if shortened:
-            note_half_depth_inside(
-                intervals, block.before, state, to + TRANSMITTANCE, begin, end, half, v, first_pixel, count,
-                block.samples,
-            )  # fmt: skip
-        else:
-            note_half_depth(
-                block.before, state, to + TRANSMITTANCE, begin, end, half, v, first_pixel, count, block.samples
-            )  # fmt: skip
+        note_half_depth(
+            None, intervals, block.before, state, to + TRANSMITTANCE, begin, end, half, v, first_pixel, count,
+            block.samples,
+        )  # fmt: skip
     return count_live(intervals, pixels & 255, rows.bounds, r, b, end, state, to, least, v, first_pixel, count)
 
 

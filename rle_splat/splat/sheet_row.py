@@ -90,27 +90,22 @@ def composite_opacity(sheet, at, depth, deep, thickness, least, state, row, befo
 
 
 @inner_loop
-def note_half_depth(before, after, at, slab_begin, slab_end, half, v, first_pixel, count, parts):
+def note_half_depth(box, intervals, before, after, at, begin, end, half, v, first_pixel, count, parts):
     """Where the transmittance has just fallen below one half, note the depth inside the slab at which it did.
 
-    ``before`` and ``after[at:]``: (BLOCK,) the transmittance ahead of this sheet and behind it.  ``half``: (H, W)
-    float32 depth along the viewing direction of the axis; ``count`` pixels of row ``v`` from ``first_pixel`` on are
-    looked at.  ``parts``: (BLOCK,) float32 scratch.
+    ``box``, ``intervals``: Box and ray intervals, which may end a ray within the slab; None where neither does.
+    ``before`` and ``after[at:]``: (BLOCK,) the transmittance ahead of this sheet and behind it.  ``begin``, ``end``: of
+    the slab.  ``half``: (H, W) float32 depth along the viewing direction of the axis; ``count`` pixels of row ``v``
+    from ``first_pixel`` on are looked at.  ``parts``: (BLOCK,) float32 scratch.
     """
     bits = half_way(before, after, at, parts) & (ALL_BITS >> np.uint64(WORD - count))
     while bits != NO_BITS:
         i = lowest_bit(bits)
         bits &= bits - ONE_BIT
-        half[v, first_pixel + i] = slab_begin + parts[i] * (slab_end - slab_begin)
-
-
-@inner_loop
-def note_half_depth_inside(intervals, before, after, at, slab_begin, slab_end, half, v, first_pixel, count, parts):
-    """As ``note_half_depth``, where the slab is only what lies between ``intervals`` (2 or more, H, W) of its ray."""
-    bits = half_way(before, after, at, parts) & (ALL_BITS >> np.uint64(WORD - count))
-    while bits != NO_BITS:
-        i = lowest_bit(bits)
-        bits &= bits - ONE_BIT
-        begin = max(slab_begin, intervals[0, v, first_pixel + i])
-        end = min(slab_end, intervals[1, v, first_pixel + i])
-        half[v, first_pixel + i] = begin + parts[i] * (end - begin)
+        u, from_, to = first_pixel + i, begin, end
+        if box is not None:
+            from_, to = max(from_, box.columns[0, u], box.rows[0, v]), min(to, box.columns[1, u], box.rows[1, v])
+        if intervals is not None:
+            if intervals.size > 0:
+                from_, to = max(from_, intervals[0, v, u]), min(to, intervals[1, v, u])
+        half[v, u] = from_ + parts[i] * (to - from_)

@@ -102,7 +102,7 @@ def composite_waiting(queued, r, word, window, first, sheets, table, lamps, leas
             count = min(BLOCK, window.image_width - b * BLOCK)
             for slab in range(GROUP):
                 note_half_depth(
-                    before[BLOCK * slab :], before, BLOCK * (slab + 1), sheets.begin[first + slab],
+                    None, None, before[BLOCK * slab :], before, BLOCK * (slab + 1), sheets.begin[first + slab],
                     sheets.end[first + slab], half, window.top_row + r, b * BLOCK, count, block.samples,
                 )  # fmt: skip
         if pixels & 255 == 0:

@@ -124,13 +124,9 @@ class BasePlane:
         some = slice(last - len(sheets), last)
         return replace(self, sheets=sheets, scale=self.scale[some], offset=self.offset[some])
 
+    @cached_property
     def points(self) -> tuple[np.ndarray, np.ndarray]:
         """Base-plane coordinates X (width,) and Y (height,) of the sheet pixels, float64, read-only."""
-        return self._points
-
-    @cached_property
-    def _points(self):
-        """``points``, computed once."""
         sides = zip((self.width, self.height), self.origin, self.density)
         found = tuple((np.arange(count) + first) / density for count, first, density in sides)
         for coordinates in found:
@@ -140,10 +136,9 @@ class BasePlane:
     @cached_property
     def ray_slopes(self) -> tuple[np.ndarray, np.ndarray]:
         """``slopes`` of the rays of each column (width,) and of each row (height,) of sheet pixels, float64."""
-        points = self.points()
-        slopes = self.slopes(*points)
+        slopes = self.slopes(*self.points)
         if self.view.is_parallel:  # a single slope
-            slopes = (np.broadcast_to(slope, at.shape) for slope, at in zip(slopes, points))
+            slopes = (np.broadcast_to(slope, at.shape) for slope, at in zip(slopes, self.points))
         return tuple(slopes)
 
     def slopes(self, x, y) -> tuple[np.ndarray, np.ndarray]:

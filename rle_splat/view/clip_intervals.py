@@ -129,7 +129,7 @@ def _crossings(plane: BasePlane, sides: np.ndarray) -> tuple[np.ndarray, ...]:
     changes by ``column_rate[u] + row_rate[v]`` per voxel along the viewing direction.
     """
     i, j, k = AXES[plane.axis]
-    x, y = plane.points()
+    x, y = plane.points
     dx, dy = (np.broadcast_to(slope, at.shape) for slope, at in zip(plane.slopes(x, y), (x, y)))
     a, b, c, d = (sides[:, number, None] for number in (i, j, k, 3))
     return (

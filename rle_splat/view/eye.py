@@ -98,18 +98,12 @@ def index_view(camera: Camera, index_to_world: np.ndarray, width: int, height: i
 
 
 @lru_cache(maxsize=8)
-def _is_flat(linear: bytes) -> bool:
-    """Whether a (3, 3) matrix flattens the volume; kept, since most frames have the previous one's."""
-    singular = np.linalg.svd(np.frombuffer(linear).reshape(3, 3), compute_uv=False)
-    return not singular[2] > FLAT * singular[0]
-
-
-@lru_cache(maxsize=8)
 def _index_view(camera: Camera, index_to_world: bytes, width: int, height: int) -> IndexView:
     """As ``index_view``; kept for the latest views, each of which is asked for several times a frame."""
     index_to_world = np.frombuffer(index_to_world).reshape(4, 4)
     linear = index_to_world[:3, :3]
-    if _is_flat(linear.tobytes()):
+    singular = np.linalg.svd(linear, compute_uv=False)
+    if not singular[2] > FLAT * singular[0]:
         raise RleSplatError(
             "The volume's matrix is singular and flattens the volume; give it a scale other than zero on every axis."
         )

@@ -56,7 +56,7 @@ def _along_and_across(plane: BasePlane) -> tuple[np.ndarray, np.ndarray]:
     change per voxel along the viewing direction.
     """
     i, j, k = AXES[plane.axis]
-    x, y = plane.points()
+    x, y = plane.points
     dx, dy = plane.slopes(x, y)
     depth, h = plane.view.depth, plane.homography
     columns, rows = np.empty((5, len(x))), np.empty((5, len(y)))
@@ -146,7 +146,7 @@ def box_intervals(plane: BasePlane, shape_xyz) -> tuple[np.ndarray, np.ndarray]:
         Begin and end for the columns and for the rows of sheet pixels, voxels along the viewing direction.
     """
     found = []
-    for position, slope, axis in zip(plane.points(), plane.ray_slopes, AXES[plane.axis]):
+    for position, slope, axis in zip(plane.points, plane.ray_slopes, AXES[plane.axis]):
         last = shape_xyz[axis] - 1.0
         straight = slope == 0.0
         some_straight = bool(straight.any())

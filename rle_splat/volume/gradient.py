@@ -25,8 +25,6 @@ from .reference import SMOOTHING
 
 INTEGER_FLOOR = 0.25  # stored steps per voxel
 FLOAT_FLOOR = 8.0  # machine epsilons per voxel
-GAP = 64  # columns: hidden voxels between visible ones up to this width are computed too, which beats a new stretch
-AT_ONCE = 16  # columns tested together
 NORMALS_AT_ONCE = 1 << 19  # selected voxels between two chances to cancel, 10 to 20 ms
 
 
@@ -92,21 +90,6 @@ def normal_steps(volume, row_start: np.ndarray, column: np.ndarray, index_to_wor
 # ``normals`` (3, m) float32: output, unit vectors in world space.
 
 
-@kernel(inner=True)
-def _stretch_end(column, first, end):
-    """End of the stretch of ``column`` that starts at ``first`` (before ``end``) and has no gap wider than GAP."""
-    i = first + 1
-    while i < end:
-        # Skip AT_ONCE columns if the last of them shows that no gap among them can be wider than GAP.
-        if i + AT_ONCE <= end and np.int64(column[i + AT_ONCE - 1]) - np.int64(column[i - 1]) < AT_ONCE + GAP:
-            i += AT_ONCE
-        elif np.int64(column[i]) - np.int64(column[i - 1]) > GAP:
-            break
-        else:
-            i += 1
-    return i
-
-
 @kernel(inline="always")
 def _unit(gx, gy, gz, floor, covector):
     """Unit world normal of an index-space gradient (stored values per voxel step), or (0, 0, 0)."""
@@ -136,11 +119,9 @@ def _sobel_rows(begin_row, end_row, voxels, lists, covector, floor, sum_type, no
     sums = np.empty(n_x + 2, sum_type.dtype), np.empty(n_x + 2, sum_type.dtype), np.empty(n_x + 2, sum_type.dtype)
     unit = np.empty(n_x, np.float32), np.empty(n_x, np.float32), np.empty(n_x, np.float32)
     for row in range(begin_row, end_row):
-        first, end = row_start[row], row_start[row + 1]
-        while first < end:
-            i = _stretch_end(column, first, end)
-            _sobel_stretch(voxels, row, column[first:i], covector, floor, sums, unit, normals[:, first:i])
-            first = i
+        own = slice(row_start[row], row_start[row + 1])
+        if own.start < own.stop:
+            _sobel_row(voxels, row, column[own], covector, floor, sums, unit, normals[:, own])
 
 
 @kernel(inline="always")
@@ -158,11 +139,12 @@ def _across(one, nw, nn, ne, ww, here, ee, sw, ss, se):
 
 
 @kernel(inner=True)
-def _sobel_stretch(voxels, row, column, covector, floor, sums, unit, normals):
-    """Normals of a stretch of a row: the voxels at ``column`` and those between them.
+def _sobel_row(voxels, row, column, covector, floor, sums, unit, normals):
+    """Normals of the voxels of a row at ``column``.
 
-    Long SIMD loops compute the sums over the 3 x 3 voxels across the row, then all normals; the selected ones are
-    copied. Scratch: ``sums``, three (nx + 2,) integer arrays, and ``unit``, three (nx,) float32 arrays.
+    Long SIMD loops compute the sums over the 3 x 3 voxels across the row, then the normals of all from the first to the
+    last; the selected ones are copied. Scratch: ``sums``, three (nx + 2,) integer arrays, and ``unit``, three (nx,)
+    float32 arrays.
     """
     n_z, n_y, n_x = voxels.shape
     z, y = row // n_y, row % n_y

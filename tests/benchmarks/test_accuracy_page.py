@@ -120,8 +120,3 @@ def test_a_sweep_is_plotted(subject, tmp_path):
     page.plot_sweep(measured[0], tmp_path / "a.png", ".png", "smoke")
     pixels = np.asarray(image.open(tmp_path / "a.png").convert("RGB"))
     assert min(pixels.shape[:2]) > 800 and len(np.unique(pixels.reshape(-1, 3), axis=0)) > 200
-
-
-def test_numbers_are_short():
-    for value, text in ((123.4, "123"), (10.4, "10"), (9.96, "10"), (0.123, "0.12"), (0.0456, "0.046")):
-        assert page.figure_text(value) == text

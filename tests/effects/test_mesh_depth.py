@@ -164,7 +164,7 @@ def test_a_silhouette_along_the_side_of_the_picture_ends_the_rays_beside_it():
     layer = np.full((40, 40), np.inf)
     layer[:, 0] = 2.5
     end = ray_intervals(plane, 0.1, 50.0, layer)[1]
-    x, y = plane.points()
+    x, y = plane.points
     at_zero, per_voxel = plane.depth_along(x[None, :], y[:, None])
     depth = at_zero + end * plane.sign * per_voxel
     column = (plane.homography[0, 0] * x + plane.homography[0, 1] * y[0] + plane.homography[0, 2]) - 0.5

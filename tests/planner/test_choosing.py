@@ -8,13 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from rle_splat.accuracy.planner.candidates import (
-    candidates,
-    check_plannable,
-    check_tolerance,
-    depth_rules,
-    name_of,
-)
+from rle_splat.accuracy.planner.candidates import candidates, check_plannable, check_tolerance, depth_rules, name_of
 from rle_splat.accuracy.planner.choose import SAFETY, Speed, choose, correct, termination_for
 from rle_splat.accuracy.planner.features import pilots
 from rle_splat.accuracy.planner.machine import MachineProfile

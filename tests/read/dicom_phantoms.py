@@ -273,13 +273,7 @@ def write_classic(
 
 
 def write_enhanced(
-    path,
-    where: Geometry,
-    axis: int = 2,
-    encoding: Encoding = PLAIN,
-    times: int = 1,
-    change=None,
-    shuffled: bool = True,
+    path, where: Geometry, axis: int = 2, encoding: Encoding = PLAIN, times: int = 1, change=None, shuffled: bool = True
 ) -> Path:
     """Write one multi-frame object whose frames are in no order, unless not ``shuffled``.
 

@@ -1,4 +1,5 @@
-"""Pictures that make no volume: each is refused in one sentence, which names no patient."""
+"""Pictures that make no volume, beside those of ``bad_files.BAD``: each is refused in one sentence, which names no
+patient."""
 
 from pathlib import Path
 
@@ -9,7 +10,7 @@ pytest.importorskip("pydicom")
 
 from pydicom.dataset import Dataset
 from pydicom.encaps import encapsulate
-from pydicom.uid import MPEG2MPML, generate_uid
+from pydicom.uid import generate_uid
 
 from rle_splat.read.dicom import discovery
 from rle_splat.read.formats import read_volume
@@ -19,23 +20,12 @@ from .test_dicom_series import AXIAL, GEOMETRIES, SLICES, refusal
 
 
 class TestBadInput:
-    def test_a_folder_without_images(self, tmp_path: Path):
-        (tmp_path / "notes.txt").write_text("nothing")
-        assert refusal(tmp_path).endswith(
-            "holds no medical images, only 1 other file; choose the folder of the series."
-        )
-
     def test_too_many_files(self, tmp_path: Path, monkeypatch):
         phantoms.write_classic(tmp_path, AXIAL)
         monkeypatch.setattr(discovery, "MOST_FILES", 2)
         assert refusal(tmp_path).endswith("holds more than 2 files; choose the folder of one study or series.")
         said = refusal(sorted(tmp_path.iterdir())[0])
         assert said.endswith("holds more than 2 files; copy those of the series into a folder of their own.")
-
-    def test_one_slice(self, tmp_path: Path):
-        where = phantoms.geometry("one", (1, 0, 0), (0, 1, 0), [0.0])
-        phantoms.write_classic(tmp_path, where)
-        assert "single picture" in refusal(tmp_path)
 
     def test_no_positions(self, tmp_path: Path):
         def change(dataset, i):
@@ -58,7 +48,7 @@ class TestBadInput:
         phantoms.write_classic(tmp_path, bent)
         assert "straight line" in refusal(tmp_path)
 
-    @pytest.mark.parametrize("row", [(0, 0, 0), (1, 1, 0), (0, 1, 0)])
+    @pytest.mark.parametrize("row", [(0, 0, 0), (1, 1, 0)])
     def test_singular_directions(self, tmp_path: Path, row):
         def change(dataset, i):
             dataset.ImageOrientationPatient = [*row, 0, 1, 0]
@@ -98,13 +88,9 @@ class TestBadInput:
     @pytest.mark.parametrize(
         ("changes", "word"),
         [
-            ({"SamplesPerPixel": 3, "PhotometricInterpretation": "RGB"}, "color"),
-            ({"PhotometricInterpretation": "PALETTE COLOR"}, "color"),
-            ({"ImageType": ["ORIGINAL", "PRIMARY", "M", "MOSAIC"]}, "dcm2niix"),
             ({"BitsAllocated": 12}, "damaged"),
             ({"Rows": 0}, "damaged"),
             ({"BitsStored": 40}, "damaged"),
-            ({"Rows": 60000, "Columns": 60000}, "breaks off"),
             ({"NumberOfFrames": 2**31 - 1}, "damaged"),
         ],
     )
@@ -144,11 +130,3 @@ class TestBadInput:
         dataset.PatientName = phantoms.PERSON
         phantoms.save(dataset, tmp_path / "a.dcm")
         assert word in refusal(tmp_path) and word in refusal(tmp_path / "a.dcm")
-
-    def test_a_video(self, tmp_path: Path):
-        path = phantoms.write_enhanced(tmp_path / "a.dcm", AXIAL)
-        dataset = phantoms.read(path)
-        dataset.file_meta.TransferSyntaxUID = MPEG2MPML
-        dataset.PixelData = encapsulate([b"not decoded"])
-        dataset.save_as(path)
-        assert "video" in refusal(path)

@@ -8,25 +8,11 @@ from rle_splat.read.layout import CHUNK_BYTES
 from rle_splat.runtime.steps import Progress
 from rle_splat.scene import RleSplatError
 from rle_splat.view.turntable import turntable
-from rle_splat.volume.orientation import (
-    axis_letters,
-    face_letters,
-    lps_from_ras,
-    oblique_degrees,
-    orientation_text,
-)
+from rle_splat.volume.orientation import axis_letters, face_letters, lps_from_ras, oblique_degrees, orientation_text
 from rle_splat.volume.volume import PATIENT, Volume
+from tests.read.phantoms import rotation
 
 SHAPE = (200, 150, 120)
-
-
-def rotation(degrees, axis):
-    """4x4 rotation about an axis of space."""
-    a, b = [i for i in range(3) if i != axis]
-    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
-    matrix = np.eye(4)
-    matrix[[a, a, b, b], [a, b, a, b]] = c, -s, s, c
-    return matrix
 
 
 def test_reading_is_steps_that_say_the_memory_first_and_can_be_left(tmp_path):

@@ -13,7 +13,7 @@ from rle_splat.volume.orientation import axis_letters
 from rle_splat.volume.volume import PATIENT, STORED_TYPES, Volume
 
 from .judges import affine_by_itk
-from .phantoms import AFFINES, LEAST_ERROR, SHAPE, coordinates, ras, rotation, worst_error
+from .phantoms import AFFINES, LEAST_ERROR, coordinates, ras, rotation, worst_error
 
 KINDS = {"one": (nibabel.Nifti1Image, ".nii"), "packed": (nibabel.Nifti1Image, ".nii.gz"),
          "two": (nibabel.Nifti2Image, ".nii"), "pair": (nibabel.Nifti1Pair, ".img")}  # fmt: skip
@@ -181,14 +181,10 @@ def test_content_decides_and_not_the_name(tmp_path):
 
 
 def bad_files(tmp_path):
+    """Beside those of ``bad_files.BAD``."""
     values, affine = coordinates(AFFINES["axial"])[0], AFFINES["axial"]
-    made = {name: saved(tmp_path / f"{name}.nii", values, affine) for name in ("cut", "dims", "huge", "type", "offset")}
-    content = made["cut"].read_bytes()
-    made["cut"].write_bytes(content[:-540])
-    yield made["cut"], rf"cut\.nii breaks off: 90 of {2 * 9 * 7 * 5} bytes of voxels are there; copy it again"
-    packed = tmp_path / "gone.nii.gz"
-    packed.write_bytes(gzip.compress(content, 0, mtime=0)[:-60])
-    yield packed, r"gone\.nii\.gz breaks off: \d+ of 630 bytes"
+    made = {name: saved(tmp_path / f"{name}.nii", values, affine) for name in ("type", "offset")}
+    content = made["type"].read_bytes()
     damaged = bytearray(gzip.compress(content, mtime=0))
     damaged[-8] ^= 1
     (tmp_path / "sum.nii.gz").write_bytes(damaged)
@@ -200,21 +196,10 @@ def bad_files(tmp_path):
         made[name].write_bytes(fresh)
         return made[name]
 
-    yield changed("dims", 40, np.array((9, -5, 3), "<i2").tobytes()), "header of dims.nii is damaged"
-    yield changed("huge", 42, np.array((32767,) * 3, "<i2").tobytes()), r"huge\.nii breaks off"
     yield changed("type", 70, np.array((999,), "<i2").tobytes()), "number type 999 does not exist"
     yield changed("offset", 108, np.array((np.nan,), "<f4").tobytes()), "begin at byte nan"
     yield saved(tmp_path / "complex.nii", values.astype(np.complex64), affine), "complex numbers.*magnitude"
-    colors = np.zeros(SHAPE, dtype=[("R", "u1"), ("G", "u1"), ("B", "u1")])
-    yield saved(tmp_path / "colors.nii", colors, affine), "are colors"
     yield saved(tmp_path / "flat.nii", values[:, :, :1], affine), r"single picture \(9 x 7 x 1 voxels\)"
-    flat = nibabel.Nifti1Image(values, np.eye(4))
-    flat.header.set_sform(np.diag((1.0, 1.0, 0.0, 1.0)), code=1)
-    flat.to_filename(tmp_path / "singular.nii")
-    content = bytearray((tmp_path / "singular.nii").read_bytes())
-    content[280:328] = np.array([(1, 1, 0, 0), (0, 0, 0, 0), (0, 0, 1, 0)], "<f4").tobytes()
-    (tmp_path / "singular.nii").write_bytes(content)
-    yield tmp_path / "singular.nii", "singular"
 
 
 def test_each_bad_file_gets_its_sentence(tmp_path):
@@ -224,7 +209,7 @@ def test_each_bad_file_gets_its_sentence(tmp_path):
             read_volume(path)
         assert "\n" not in str(refusal.value) and str(refusal.value).endswith("."), path.name
         count += 1
-    assert count == 11
+    assert count == 5
 
 
 def table(*labels):

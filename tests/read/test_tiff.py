@@ -53,13 +53,7 @@ def test_a_stack_of_imagej(tmp_path):
 @pytest.mark.parametrize("axes", ["TZCYX", "TCZYX", "CTZYX", "CZTYX", "ZCTYX", "ZTCYX"])
 def test_an_ome_stack_in_time_and_channels(tmp_path, axes):
     values = np.arange(3 * 5 * 2 * 7 * 9, dtype=np.uint16).reshape(3, 5, 2, 7, 9)
-    facts = {
-        "axes": axes,
-        "PhysicalSizeX": 500,
-        "PhysicalSizeXUnit": "nm",
-        "PhysicalSizeY": 0.25,
-        "PhysicalSizeZ": 2,
-    }
+    facts = {"axes": axes, "PhysicalSizeX": 500, "PhysicalSizeXUnit": "nm", "PhysicalSizeY": 0.25, "PhysicalSizeZ": 2}
     stored = np.ascontiguousarray(values.transpose(["TZCYX".index(axis) for axis in axes]))
     tifffile.imwrite(tmp_path / "a.ome.tif", stored, ome=True, metadata=facts, compression="zlib")
     for frame in range(1, 7):

@@ -8,18 +8,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 from rle_splat.classify.transfer_function import GradientOpacity
-from rle_splat.scene import (
-    CLIP_KINDS,
-    LIGHT_TYPES,
-    MIST_FALLOFFS,
-    MODES,
-    Channel,
-    Clip,
-    Labels,
-    Light,
-    Mist,
-    Pose,
-)
+from rle_splat.scene import CLIP_KINDS, LIGHT_TYPES, MIST_FALLOFFS, MODES, Channel, Clip, Labels, Light, Mist, Pose
 from rle_splat.scene.checks import LARGEST_SHARE
 from rle_splat.scene.clip import CLIP_SIDES
 from rle_splat.volume.volume import Volume

@@ -46,8 +46,8 @@ def columns(scene: Scene, quality: Quality = EXACT, **knobs) -> np.ndarray:
     return render(scene, replace(quality, **knobs)).rgba[::-1]
 
 
-def sheets(scene: Scene, quality: Quality = EXACT, **knobs) -> np.ndarray:
-    """As ``columns``, before the warp has rounded alpha: premultiplied color and transmittance."""
+def warped_by(draw) -> list:
+    """The intermediate images that ``draw()`` warps."""
     caught = []
 
     def catching(images, *rest):
@@ -55,8 +55,13 @@ def sheets(scene: Scene, quality: Quality = EXACT, **knobs) -> np.ndarray:
         return warp_steps(images, *rest)
 
     with patch("rle_splat.pipeline.render.warp_steps", catching):
-        render(scene, replace(quality, **knobs))
-    (image,) = caught
+        draw()
+    return caught
+
+
+def sheets(scene: Scene, quality: Quality = EXACT, **knobs) -> np.ndarray:
+    """As ``columns``, before the warp has rounded alpha: premultiplied color and transmittance."""
+    (image,) = warped_by(lambda: render(scene, replace(quality, **knobs)))
     (u, v), (nx, ny, _) = image.base_plane.origin, scene.volume.shape_xyz
     assert tuple(image.base_plane.density) == (1.0, 1.0) and image.base_plane.axis == 2
     return image.pixels[-v : ny - v, -u : nx - u]

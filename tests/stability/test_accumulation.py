@@ -297,11 +297,7 @@ def test_A9_color_never_exceeds_what_its_opacity_allows(record, width, warp_filt
     for perspective in (False, True):
         scene = STAGE.on_turntable(field, 35.0, 25.0, perspective, size=(48, 48), transfer_function=harsh)
         rgba = STAGE.render(
-            scene,
-            warp_filter=warp_filter,
-            sheet_density=1.0,
-            termination=0.0,
-            classification=classification,
+            scene, warp_filter=warp_filter, sheet_density=1.0, termination=0.0, classification=classification
         ).rgba.astype(np.float64)
         assert rgba[..., 3].max() > 0.9
         over_bright = (rgba[..., :3] - 7.5 * rgba[..., 3:]).max()
@@ -326,7 +322,7 @@ def test_A10_a_constant_volume_is_constant_at_every_sub_pixel_offset(record, wid
             camera = replace(scene.camera, shift_x=moved / pixels, shift_y=-0.3 * moved / pixels)
             quality = Quality(classification="pre", kernel=footprint, depth_rule=rule, termination=0.0)
             image, sheets = intermediate(replace(scene, camera=camera, width=pixels, height=pixels), quality)
-            x, y = image.base_plane.points()
+            x, y = image.base_plane.points
             middle = np.ix_(np.abs(y - 12.5) < 8.0, np.abs(x - 12.5) < 8.0)
             tau = -np.log(image.pixels[..., 3][middle].astype(np.float64))
             assert tau.size >= 36 and sheets >= 14

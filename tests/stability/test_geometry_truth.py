@@ -263,12 +263,7 @@ def test_C12_a_slice_through_the_eye(record, plan, beside):
     scene = STAGE.before(volume_for(plan), camera, (66, 66))
     rms, _ = errors(scene, ("C12", beside), plan)
     outside, _ = errors(from_eye(plan, EYES["outside"], 60.0), ("C11", "outside", 60.0), plan)
-    record(
-        "C12",
-        "rms error with the eye on a slice, in units of twice that outside",
-        rms / (2.0 * outside),
-        1.0,
-    )
+    record("C12", "rms error with the eye on a slice, in units of twice that outside", rms / (2.0 * outside), 1.0)
 
 
 # --- C13, C15: clip planes and wide cameras -------------------------------------------------------------------

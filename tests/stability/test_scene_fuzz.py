@@ -8,7 +8,6 @@ Every failure that the searches found has a case of its own below them.
 from __future__ import annotations
 
 from dataclasses import replace
-from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -25,9 +24,9 @@ from rle_splat.scene import NO_DEPTH, Quality, RleSplatError, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.axes import AXES
 from rle_splat.volume.volume import Volume
-from rle_splat.warp.warp import warp_steps
 from tests.stability.fuzz import examples
 from tests.stability.references import STEPS, by_stages, tables_apart, warps_apart
+from tests.stability.scenes import warped_by
 from tests.stability.strategies import plain_scenes, qualities, scenes
 from tests.ways import both
 
@@ -173,18 +172,11 @@ SHEET_BOUNDS = {"pre": (1.2, 9.0), "post": (1.0, 5.0)}
 
 def sheet_errors(scene, quality, seed=0):
     """Levels off the oracle (N, 4), color and transmittance, of up to 64 sheet pixels, each along its own ray."""
-    caught = []
-
-    def catching(images, *rest):
-        caught.extend(images)
-        return warp_steps(images, *rest)
-
-    with patch("rle_splat.pipeline.render.warp_steps", catching):
-        drain(render_steps(scene, quality, refuse_empty_view=False))
+    caught = warped_by(lambda: drain(render_steps(scene, quality, refuse_empty_view=False)))
     found, random = [np.empty((0, 4))], np.random.default_rng(seed)
     for image in caught:
         plane = image.base_plane
-        x, y = np.meshgrid(*plane.points())
+        x, y = np.meshgrid(*plane.points)
         a, b, c = np.tensordot(plane.homography, np.stack((x, y, np.ones_like(x))), 1)
         dx, dy = plane.slopes(x, y)
         with np.errstate(divide="ignore", invalid="ignore"):

@@ -15,18 +15,7 @@ from rle_splat.encode.encode import encode
 from rle_splat.pipeline.render import render
 from rle_splat.scene import CLASSIFICATIONS, LIGHT_TYPES, NO_DEPTH, Light, Quality, RleSplatError
 from rle_splat.volume.volume import Volume
-from tests.stability.scenes import (
-    EXACT,
-    FINER,
-    WHITE,
-    columns,
-    drawn,
-    from_above,
-    noise,
-    sheets,
-    transfer,
-    turned,
-)
+from tests.stability.scenes import EXACT, FINER, WHITE, columns, drawn, from_above, noise, sheets, transfer, turned
 
 every_classification = pytest.mark.parametrize("classification", CLASSIFICATIONS)
 every_finer = pytest.mark.parametrize("classification", FINER)

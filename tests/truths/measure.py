@@ -2,44 +2,19 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from rle_splat.accuracy.probes import PROBES, choose_probes, error_summary, probe_errors, truth_tolerance
 from rle_splat.accuracy.truths import truth
 from rle_splat.scene import Scene
 
 
-def measure(scene: Scene, rgba, truth_name: str, tolerance: float, count: int = PROBES, seed: int = 0,
-            far=np.inf, **shading) -> dict:  # fmt: skip
-    """Measure the error of a picture at probe pixels.
+def measure(
+    scene: Scene, rgba, truth_name: str, tolerance: float, count: int = PROBES, seed: int = 0, **shading
+) -> dict:
+    """Measure the error of a premultiplied scene-linear picture at probe pixels.
 
-    Parameters
-    ----------
-    scene : Scene
-    rgba : (H, W, 4) float
-        Premultiplied scene-linear picture of the scene, of its crop where it has one.
-    truth_name : str
-        Of ``truths.TRUTHS``.
-    tolerance : float
-        Levels, 1/255.
-    count : int
-        Probes, three quarters of them random.
-    seed : int
-        Of the random probes.
-    far : float or (H, W) float
-        Planar depth at which rays end.
-    **shading
-        ``colors`` or ``light``, as ``truths.truth`` takes them.
-
-    Returns
-    -------
-    dict
-        JSON-ready: ``probes.error_summary`` and the name of the ``truth``.
+    ``tolerance`` is in levels, 1/255; three quarters of the probes are random; ``shading`` is as ``truths.truth`` takes
+    it.  JSON-ready: ``probes.error_summary`` and the name of the ``truth``.
     """
     probes = choose_probes(rgba, count, seed)
-    left, top = scene.crop[:2] if scene.crop is not None else (0, 0)
-    columns, rows = probes.centers
-    ends = np.broadcast_to(far, np.shape(rgba)[:2])[probes.rows, probes.columns]
-    pixels = columns + left, rows + top
-    true, _ = truth(scene, truth_name, pixels=pixels, far=ends, tolerance=truth_tolerance(shading), **shading)
+    true, _ = truth(scene, truth_name, pixels=probes.centers, tolerance=truth_tolerance(shading), **shading)
     return {"truth": truth_name, **error_summary(probe_errors(probes.of(rgba), true), probes.random, tolerance)}

@@ -33,8 +33,3 @@ def test_numpy_equals_numba_for_the_paper_and_with_stops(stage, scene):
     stopped = stage.before(scene.volume, scene.camera, (32, 28), volume_matrix=scene.volume_matrix, triangles=wall)
     pictures = both(lambda: stage.render(stopped).rgba)
     assert np.abs(pictures[0] - pictures[1]).max() < 1e-5
-
-
-def test_threads_change_no_bit(stage, scene):
-    pictures = [stage.render(scene, threads=threads).rgba for threads in (1, 2)]
-    assert (pictures[0] == pictures[1]).all()

@@ -22,10 +22,10 @@ from rle_splat.classify.shown_nearby import mean_extinction, nearby_steps
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
-from rle_splat.runtime.jit import use_reference
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import Channel, Clip, Labels, Light, Mist, Quality, RleSplatError
 from rle_splat.volume.volume import Volume
+from tests.ways import both
 
 N = 14
 SHADE = Shade(0.2, 0.7, 0.3, 15.0)
@@ -162,8 +162,8 @@ def test_lit_channels_are_the_truth(stage, count, light):
         picture = render(scene, fine(**knobs))
         error = np.abs(picture.rgba.reshape(-1, 4) - true).max(axis=1)
         assert np.quantile(error, 0.99) < most and ("rays" not in knobs or error.max() < 1.7 * most), knobs
-        both = (depth < 1e9) & (picture.depth.ravel() < 1e9)
-        assert np.quantile(np.abs(picture.depth.ravel() - depth)[both], 0.5) < 0.1
+        hit = (depth < 1e9) & (picture.depth.ravel() < 1e9)
+        assert np.quantile(np.abs(picture.depth.ravel() - depth)[hit], 0.5) < 0.1
     assert picture.report["rays"]["pixels"] > 100
 
 
@@ -205,12 +205,10 @@ def test_kernels_are_numpy(stage, depth_rule, light):
     scene = scene_of(stage, given, True, (26, 24), **LIT.get(light, {}))
     for rays in (0.0, 1e-9) if depth_rule == "preintegrated-1" else (0.0,):  # rays are the same by both
         quality = fine(depth_rule=depth_rule, rays=rays)
-        kernels = render(scene, quality)
-        with use_reference():
-            reference = render(scene, quality)
+        kernels, reference = both(lambda quality=quality: render(scene, quality).rgba)
         # Sheets of the kernels share light over optical depths of a few terminations.
         bound = 1e-5 if light == "unlit" or rays else 0.4 * LEVEL
-        np.testing.assert_allclose(kernels.rgba, reference.rgba, atol=bound)
+        np.testing.assert_allclose(kernels, reference, atol=bound)
 
 
 def test_clips_and_mist_cut_and_fade_all_channels(stage):
@@ -225,9 +223,8 @@ def test_clips_and_mist_cut_and_fade_all_channels(stage):
         assert np.quantile(error, 0.98) < 1.0 * LEVEL
         whole = render(replace(scene, clips=()), quality).rgba
         assert np.abs(picture.rgba - whole).max() > 20 * LEVEL
-        kernels = render(misty, quality).rgba
-        with use_reference():
-            np.testing.assert_allclose(kernels, render(misty, quality).rgba, atol=0.4 * LEVEL)
+        kernels, reference = both(lambda quality=quality: render(misty, quality).rgba)
+        np.testing.assert_allclose(kernels, reference, atol=0.4 * LEVEL)
         assert np.abs(kernels - picture.rgba).max() > 5 * LEVEL
 
 

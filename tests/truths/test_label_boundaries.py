@@ -29,6 +29,7 @@ from tests.truths.test_channels import (
     trilinear,
     with_holes,
 )
+from tests.ways import both
 
 N = 56
 MOST = 0.25  # voxels, at 99 % of a boundary
@@ -305,9 +306,7 @@ def test_light_on_a_solid_label_is_that_on_a_sphere(stage, spacing):
 @pytest.mark.parametrize("rays", (0.0, 1e-9), ids=("sheets", "single rays"))
 def test_kernels_draw_what_numpy_draws(stage, shade, rays):
     scene = organs(stage, shade)
-    one = render(scene, fine(rays=rays)).rgba
-    with use_reference():
-        other = render(scene, fine(rays=rays)).rgba
+    one, other = both(lambda: render(scene, fine(rays=rays)).rgba)
     error = np.abs(one - other).max(axis=-1)
     # Where a ray grazes a line in which three meet, rounding may choose another one of them for a part of a slab.
     assert np.count_nonzero(error > 0.1 * LEVEL) <= (rays > 0.0) and error.max() < 3.0 * LEVEL
@@ -356,9 +355,7 @@ def test_kernels_draw_labels_with_channels_as_numpy_does(stage, depth_rule, ligh
     scene = scene if holes is None else with_channels(scene, holes)
     for rays in (0.0, 1e-9) if depth_rule == "preintegrated-1" else (0.0,):  # rays are the same by both
         quality = fine(depth_rule=depth_rule, rays=rays)
-        kernels = render(scene, quality)
-        with use_reference():
-            reference = render(scene, quality)
+        kernels, reference = both(lambda quality=quality: render(scene, quality))
         error = np.abs(kernels.rgba - reference.rgba).max(axis=-1)
         print(np.sort(error.ravel())[-4:] / LEVEL)
         # As of labels alone: rounding chooses at lines in which three meet; and as of channels under light.

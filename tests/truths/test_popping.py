@@ -31,12 +31,8 @@ def by_axis(scene, axis, quality):
     shape = scene.volume.shape_xyz
     plane = base_plane(view, shape, axis, sign, quality.depth_rule, quality.sheet_density)
     classified = classify(scene.volume, scene.transfer_function, scene.index_to_world)
-    steps = splat_steps(encode(classified, classified.color, axis), plane, quality)
-    while True:
-        try:
-            next(steps)
-        except StopIteration as finished:
-            return drain(warp_steps([finished.value], view, scene.region, quality, 1.0))[0]
+    image = drain(splat_steps(encode(classified, classified.color, axis), plane, quality))
+    return drain(warp_steps([image], view, scene.region, quality, 1.0))[0]
 
 
 @pytest.mark.parametrize("azimuth", ANGLES)

@@ -11,6 +11,7 @@ from rle_splat.accuracy.medium import ClassifiedField, ScalarField, cubics, poly
 from rle_splat.accuracy.rays import WorldRays, camera_rays
 from rle_splat.accuracy.transfer import Segments, extinction_and_color
 from rle_splat.accuracy.truths import truth, world_opacity_distance
+from rle_splat.scene import RleSplatError
 from tests.truths import closed_forms
 from tests.truths.other_rays import turntable_rays
 
@@ -386,6 +387,11 @@ def test_extinctions_without_measure():
     # What is seen through e^-15 of the light still counts.
     rgba, _ = integrate(ClassifiedField(np.full((4, 4, 4), 5.0), color), rays, np.eye(4))
     assert rgba[0, 3] == pytest.approx(1.0 - np.exp(-20.0), abs=1e-13)
+
+
+def test_an_unknown_truth_is_refused(stage):
+    with pytest.raises(RleSplatError, match="There is no reference called 'T3'"):
+        truth(stage.on_turntable(np.zeros((3, 3, 3))), "T3")
 
 
 @pytest.mark.parametrize("which", ("T1", "T2"))

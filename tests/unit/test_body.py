@@ -133,12 +133,7 @@ def test_stored_slope_nan_and_small_scans():
 
 
 @pytest.mark.parametrize(
-    "values",
-    [
-        np.full(SHAPE, 40.0),
-        np.random.default_rng(2).normal(100.0, 20.0, SHAPE),
-        np.full(SHAPE, -1000.0),
-    ],
+    "values", [np.full(SHAPE, 40.0), np.random.default_rng(2).normal(100.0, 20.0, SHAPE), np.full(SHAPE, -1000.0)]
 )
 def test_without_a_body_in_air_there_is_one_sentence(values):
     with pytest.raises(RleSplatError, match="No body with air around it was found"):

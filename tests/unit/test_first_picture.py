@@ -103,11 +103,7 @@ ALONG_AN_AXIS = {"count_across", "fill_across_runs", "place_across", "fill_row_r
 @pytest.mark.slow
 @pytest.mark.skipif(not compiled(), reason="nothing is compiled without numba")
 @pytest.mark.parametrize(
-    "stored, views, more",
-    (
-        ("uint8", ((5, 5), (95, 5), (5, 85)), set()),
-        ("int16", ((95, 5),), ALONG_AN_AXIS),
-    ),
+    "stored, views, more", (("uint8", ((5, 5), (95, 5), (5, 85)), set()), ("int16", ((95, 5),), ALONG_AN_AXIS))
 )
 def test_thumbnails_load_no_kernels_beside_those_of_a_viewports_drafts(stored, views, more):
     """But for those that make tables along a principal axis which no draft has had."""

@@ -99,16 +99,6 @@ def test_thin_volumes_have_no_gradient_across(shape, way):
                 assert not got[..., 2 - axis].any()
 
 
-def test_only_the_named_voxels_are_visited(way):
-    voxels = np.random.default_rng(0).integers(0, 200, (4, 5, 6)).astype(np.uint8)
-    volume = Volume(voxels, np.eye(4))
-    mask = np.random.default_rng(1).random(voxels.shape) < 0.3
-    row_start = np.append(0, np.cumsum(mask.reshape(20, 6).sum(axis=1)))
-    column = np.nonzero(mask)[2].astype(np.uint16)
-    some = unit_normals(volume, row_start, column, AFFINES["turned"])
-    np.testing.assert_array_equal(some, all_normals(voxels, AFFINES["turned"])[mask])
-
-
 def some_voxels(mask):
     """Row starts and columns that name the voxels of a mask."""
     row_start = np.append(0, np.cumsum(mask.sum(axis=2).reshape(-1))).astype(np.int64)

@@ -92,15 +92,7 @@ def test_no_whole_number_lies_where_two_entries_meet(dtype):
     for span in (1, 2, 3, 255, 1000, 1025, 4096, 20001, 65535):
         for entries in (0, 100, 1024, 5000):
             first = 0 if dtype == np.uint16 else -32768
-            table = lookup_table(
-                volume(dtype),
-                function(
-                    (first, 0.3),
-                ),
-                (first, first + span),
-                DISTANCE,
-                entries,
-            )
+            table = lookup_table(volume(dtype), function((first, 0.3)), (first, first + span), DISTANCE, entries)
             positions = (np.arange(first, first + span + 1) - table.origin) * table.rate
             beside = np.abs(positions - np.rint(positions))
             assert beside.min() > 0.49 * min(table.rate, 1.0)
@@ -141,21 +133,6 @@ def test_any_slope_gives_the_same_entries(slope):
 def test_values_that_are_too_close_for_a_table_are_refused():
     with pytest.raises(RleSplatError, match=r"lie within 1e-40 of each other.*classification pre\.$"):
         lookup_table(volume(np.float32), function((0, 0.0), (1e-40, 0.5)), (0.0, 1e-40), DISTANCE)
-
-
-@pytest.mark.parametrize("dtype", (np.float32, np.uint16))
-def test_it_converges_with_its_size(dtype):
-    """A table of twice as many entries is half as far off."""
-    color = ((0, 0.2, 0.4, 0.9), (6e4, 1, 1, 1))
-    grid, tf = volume(dtype), function((0, 0.1), (20000, 0.8), (60000, 0.05), color=color)
-    values = np.random.default_rng(2).uniform(0.0, 60000.0, 20000)
-    right, errors = true(tf, grid, values), []
-    for entries in (50, 100, 200, 400, 800):
-        table = lookup_table(grid, tf, (0, 60000), DISTANCE, entries)
-        assert 0.8 * entries < len(table.entries) < 1.3 * entries
-        errors.append(np.sqrt(((look_up(table, values) - right) ** 2).mean()))
-    orders = np.log2(np.array(errors[:-1]) / errors[1:])
-    assert (np.abs(orders - 1.0) < 0.25).all(), orders
 
 
 def test_nothing_is_shown_where_the_function_shows_nothing():

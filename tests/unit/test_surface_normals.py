@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rle_splat.runtime.jit import use_reference
 from rle_splat.runtime.steps import drain
 from rle_splat.shade.sample_light import ONE
 from rle_splat.shade.surface_normals import LEAST, automatic_sigma, gaussian, noise_of_gradient, surface_steps
 from rle_splat.volume.volume import Volume
+from tests.ways import both
 
 
 def lists(kept):
@@ -38,9 +38,7 @@ def test_kernels_are_as_numpy(dtype, sigma, spacing):
     voxels = (ball(np.float64, inside=200.0)[0] + rng.uniform(0.0, 5.0, (24, 24, 24)))[:, :19].astype(dtype)
     kept = rng.uniform(size=voxels.shape) < 0.3
     kept[5:9], kept[:, 4] = False, False
-    ours, _ = found(voxels, spacing, sigma, kept)
-    with use_reference():
-        theirs, _ = found(voxels, spacing, sigma, kept)
+    ours, theirs = both(lambda: found(voxels, spacing, sigma, kept)[0])
     np.testing.assert_allclose(ours.vectors, theirs.vectors, atol=8.0)
     np.testing.assert_allclose(ours.steepness, theirs.steepness, rtol=2e-4, atol=1e-3)
 

@@ -60,12 +60,8 @@ FUNCTIONS = {
     "air": function((-100.0, 0.4), (0.0, 0.0)),
     "bands": function((-150.0, 0.0), (-100.0, 0.2), (-60.0, 0.0), (-20.0, 0.0), (0.0, 0.5), (20.0, 0.0)),
     "touching": function((-150.0, 0.2), (-60.0, 0.0), (20.0, 0.3)),
-    "everything": function(
-        (0.0, 0.3),
-    ),
-    "nothing": function(
-        (0.0, 0.0),
-    ),
+    "everything": function((0.0, 0.3)),
+    "nothing": function((0.0, 0.0)),
 }
 
 

@@ -47,7 +47,7 @@ def test_those_of_label_fields(short, monkeypatch):
     short(label_fields)
     monkeypatch.setattr(label_fields, "cell_field", lambda cells: None)
     plane = SimpleNamespace(
-        axis=2, sign=1, reference=0.0, points=lambda: (np.zeros(3), np.zeros(2)), ray_slopes=(np.zeros(3), np.zeros(2))
+        axis=2, sign=1, reference=0.0, points=(np.zeros(3), np.zeros(2)), ray_slopes=(np.zeros(3), np.zeros(2))
     )
     field = label_fields.label_field(SimpleNamespace(shape_xyz=(4, 5, 6)), plane)
     assert (field.counts.dtype, field.strides.dtype) == (np.int64, np.int64)

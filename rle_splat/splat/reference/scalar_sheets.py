@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...encode.reference import list_runs
 from ...shade.lighting import unit_vectors
 from ...shade.sample_light import ONE as CODE_OF_ONE
 from ...shade.sample_light import light_of_samples
@@ -24,24 +25,14 @@ def dense_slice(tables, k: int) -> np.ndarray | None:
     """(n_scanlines, width, planes) float32: scalar, codes and values of slice ``k``; None if nothing of it is kept."""
     scalars = tables.scalars.array()
     dense = None
-    for j in range(tables.pointers.shape[1]):
-        run = int(tables.pointers[k, j])
-        if run < 0:
-            continue
+    for j, x, voxel, count in list_runs(tables.pointers, tables.data_starts, tables.runs, tables.width, k):
         if dense is None:
             dense = np.tile(_nothing(tables), (tables.pointers.shape[1], tables.width, 1))
-        x, voxel = 0, int(tables.data_starts[k, j])
-        while x < tables.width:
-            x += int(tables.runs[run])
-            if x >= tables.width:
-                break
-            count = int(tables.runs[run + 1])
-            dense[j, x : x + count, 0] = scalars[voxel : voxel + count]
-            codes = tables.codes[voxel : voxel + count] / CODE_OF_ONE
-            dense[j, x : x + count, 1 : 1 + codes.shape[1]] = codes
-            if tables.values is not None:
-                dense[j, x : x + count, -tables.values.shape[1] :] = tables.values[voxel : voxel + count]
-            x, voxel, run = x + count, voxel + count, run + 2
+        dense[j, x : x + count, 0] = scalars[voxel : voxel + count]
+        codes = tables.codes[voxel : voxel + count] / CODE_OF_ONE
+        dense[j, x : x + count, 1 : 1 + codes.shape[1]] = codes
+        if tables.values is not None:
+            dense[j, x : x + count, -tables.values.shape[1] :] = tables.values[voxel : voxel + count]
     return dense
 
 
@@ -220,7 +211,7 @@ def _light_numpy(light, plane, position, planes):
     """Light and highlights, (H, W, 3) each, of ``planes`` (H, W, channels) at ``position`` along the viewing
     direction."""
     i, j, k = AXES[plane.axis]
-    (x, y), (dx, dy) = (np.meshgrid(*both) for both in (plane.points(), plane.ray_slopes))
+    (x, y), (dx, dy) = (np.meshgrid(*both) for both in (plane.points, plane.ray_slopes))
     steps = np.empty((*x.shape, 3))
     steps[..., i], steps[..., j], steps[..., k] = dx, dy, 1.0
     away = plane.sign * position - plane.reference

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...encode.reference import list_runs
 from ...view.footprints import FOOTPRINTS, TENT, footprint_weights
 from ..intermediate_image import note_filled
 from ..mist_block import LINEAR, QUADRATIC, MistRays
@@ -17,23 +18,11 @@ LONGEST = np.float32(1e30)  # reference distances; keeps infinity times log1p(-0
 
 def _dense_slice(tables, k: int) -> np.ndarray | None:
     """(n_scanlines, width, 4) float32: slice ``k``; None if it is empty."""
-    n_scanlines = tables.pointers.shape[1]
-    voxels = tables.voxels.bytes16.reshape(-1, 4)
-    dense = None
-    for j in range(n_scanlines):
-        run = int(tables.pointers[k, j])
-        if run < 0:
-            continue
+    voxels, dense = tables.voxels.bytes16.reshape(-1, 4), None
+    for j, x, voxel, count in list_runs(tables.pointers, tables.data_starts, tables.runs, tables.width, k):
         if dense is None:
-            dense = np.zeros((n_scanlines, tables.width, 4), np.float32)
-        x, voxel = 0, int(tables.data_starts[k, j])
-        while x < tables.width:
-            x += int(tables.runs[run])
-            if x >= tables.width:
-                break
-            count = int(tables.runs[run + 1])
-            dense[j, x : x + count] = voxels[voxel : voxel + count]
-            x, voxel, run = x + count, voxel + count, run + 2
+            dense = np.zeros((tables.pointers.shape[1], tables.width, 4), np.float32)
+        dense[j, x : x + count] = voxels[voxel : voxel + count]
     return dense
 
 
