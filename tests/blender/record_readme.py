@@ -45,7 +45,7 @@ CENTISECONDS, HOLD = 7, 20  # of a frame; frames for which a step stands still
 QUALITY = 84
 FONT = "/usr/share/fonts/truetype/dejavu/DejaVuSans.ttf"
 ARROW = ((0, 0), (0, 17), (4, 13), (7, 20), (10, 19), (7, 12), (12, 12))  # pixels from the mouse, down
-STEPS, COLUMN, DOWN = 22, 82, 12  # of a drag; pixels between buttons of presets; turns of the wheel to Cut
+STEPS, DOWN = 22, 12  # of a drag; turns of the wheel to Cut
 TOWARD = (-1.5, -1.55, 0.66)  # where the camera is, from the middle of the scan, in sizes of it
 NEARER = 0.42  # than Frame, which shows the whole box
 OPAQUE, SHIFT, GROW, SMOOTH = 0.05, -100.0, 2.0, 2.0  # mm, HU, mm, mm: thin walls are whole and opaque
@@ -90,9 +90,9 @@ def drag(button: str, begin, end, caption: str, steps: int = STEPS):
     yield from settled()
 
 
-def click(command: str, argument: str, caption: str, left: int = 0):
-    """Press a button of the sidebar, or what is so many pixels on its left."""
-    at = np.subtract((yield from find_button(command, argument, COLUMNS)), (left, 0))
+def click(command: str, argument: str, caption: str):
+    """Press a button of the sidebar."""
+    at = yield from find_button(command, argument, COLUMNS)
     point("MOUSEMOVE", "NOTHING", at)
     yield from frame(HOLD // 3, caption)
     yield from press("LEFTMOUSE", at)
@@ -197,9 +197,9 @@ def scenario():
     volume.select_set(False)  # its frame is orange while it is selected
     yield from settled()
     yield from frame(HOLD, "True scale, head holder hidden")
-    yield from click("bpy.ops.rle_splat.apply_preset", "ct-muscle", "Click a preset")
+    yield from click("bpy.ops.rle_splat.apply_preset", "ct-soft-tissue", "Click a preset")
     yield from frame(HOLD)
-    yield from click("bpy.ops.rle_splat.apply_preset", "ct-soft-tissue", "Click a preset", COLUMN)
+    yield from click("bpy.ops.rle_splat.apply_preset", "ct-bone", "Click a preset")
     yield from frame(HOLD)
     assert volume.rle_splat.transfer_name == "CT Bone"
     with in_the_view():
