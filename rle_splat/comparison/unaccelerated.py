@@ -42,5 +42,5 @@ def every_voxel(encoded: RunLengthVolume) -> RunLengthVolume:
     return RunLengthVolume(
         encoded.axis, encoded.shape_xyz, scanline_pointers,
         data_pointers_from_scanlines(scanline_data_pointers, n_voxels), runs, scanline_data_pointers, encoded.model,
-        voxels,
+        voxels, None, encoded.most_color,
     )  # fmt: skip

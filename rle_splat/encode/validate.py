@@ -12,7 +12,7 @@ from ..classify.limits import BRIGHTEST
 from ..scene import MODELS, RECORDS, RleSplatError, as_matrix
 from ..volume.axes import AXES, AXIS_NAMES
 from ..volume.volume import PATIENT, STORED_TYPES
-from .members import COUNTS, LIGHT_MODEL, NORMALS, ORDER_OF, ROWS, RUNS, SURFACE
+from .members import COUNTS, LIGHT_MODEL, ORDER_OF, ROWS, RUNS, SURFACE
 from .records import SCALES, TYPES, WORDS
 from .scalars import OWN_TYPES
 from .tables import data_pointers_from_scanlines, pointers_from_counts, run_type
@@ -20,7 +20,7 @@ from .tables import data_pointers_from_scanlines, pointers_from_counts, run_type
 MOST = 1e37  # bound of any number in the voxel data: above the densest and brightest, and within float32
 MOST_COLOR = 2.0 * BRIGHTEST  # of any channel; twice, because short records are rounded
 POINTER_TYPES = (np.dtype(np.int32), np.dtype(np.int64))
-OF_VOXELS = {"pre": ("records",), "post": ("scalars", SURFACE, NORMALS)}  # classification -> tables of voxels
+OF_VOXELS = {"pre": ("records",), "post": ("scalars", SURFACE)}  # classification -> tables of voxels
 NEEDED = {"pre": ("records",), "post": ("scalars",)}
 
 
@@ -117,7 +117,7 @@ def check_layout(header: dict, facts: dict) -> dict:
     Returns
     -------
     dict
-        Name of a table -> dtype, words of an entry and parts, see ``members.words_of_entry``.
+        Name of a table -> dtype and words of an entry, see ``members.words_of_entry``.
     """
     (nx, ny, nz), record, chunks = facts["shape_xyz"], facts["record"], header["slabs"]
     classification = header["classification"]
@@ -128,7 +128,7 @@ def check_layout(header: dict, facts: dict) -> dict:
         COUNTS: {("u4", 2, 0)}, RUNS: {(np.dtype(run_type((nx, ny, 1))).str[1:], 0, 0)},
         "records": {(np.dtype(TYPES[record]).str[1:], math.prod(WORDS[record]), 0)},
         "scalars": {(kind, 0, 0) for kind in ("u1", "i1", "u2", "i2", "f4")},
-        SURFACE: {("i2", 3, 0)}, NORMALS: {("i2", 0, 3)},
+        SURFACE: {("i2", 3, 0)},
     }  # fmt: skip
     found = {name: tuple(entry) for name, entry in header["dtypes"].items()}
     for order in {ORDER_OF[axis] for axis in facts["axes"]}:
@@ -148,12 +148,11 @@ def check_layout(header: dict, facts: dict) -> dict:
 
 
 def _entries(sizes: dict, table: str, found: dict, allowed: set) -> int:
-    """Entries of a chunk in a table, the same in all its parts; ``sizes``: name -> bytes and checksum."""
+    """Entries of a chunk in a table; ``sizes``: name -> bytes and checksum."""
     _require(found[table] in allowed, f"{table} has a type that cannot be rendered")
-    kind, words, parts = found[table]
-    counts = {sizes[name][0] for name in ([f"{table}.{part}" for part in range(parts)] or [table])}
-    count, size = counts.pop(), np.dtype(kind).itemsize * max(words, 1)
-    _require(not counts and _is_count(count) and count % size == 0, f"{table} is cut within an entry")
+    kind, words, _ = found[table]
+    count, size = sizes[table][0], np.dtype(kind).itemsize * max(words, 1)
+    _require(_is_count(count) and count % size == 0, f"{table} is cut within an entry")
     return count // size
 
 
