@@ -8,7 +8,7 @@ import pytest
 
 from rle_splat.classify.placing import RecordPositions
 from rle_splat.classify.transfer_function import Shade, TransferFunction
-from rle_splat.comparison.decode import decode
+from rle_splat.comparison.ours import decode
 from rle_splat.encode.encode import encode
 from rle_splat.encode.packing import pack
 from rle_splat.encode.records import decoding_of, empty_records, unpack
