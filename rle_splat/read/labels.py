@@ -14,6 +14,7 @@ from ..volume.regrid import on_grid_steps
 from ..volume.volume import NamedLabel, Volume, range_steps
 from .dicom.reader import read_dicom_steps
 from .formats import RAW, format_of, read_steps
+from .streaming import convert_steps
 
 TEXT_SUFFIXES = (".txt", ".label")
 MOST_TEXT = 1 << 20  # bytes of a file of names
@@ -105,11 +106,7 @@ def _narrow_steps(labels: Volume):
     fits = [kind for kind in NARROW if np.iinfo(kind).min <= low and high <= np.iinfo(kind).max]
     if not fits:
         return labels
-    voxels = np.empty(labels.voxels.shape, dtype=fits[0])
-    for z, stored in enumerate(labels.voxels):
-        voxels[z] = stored
-        yield Progress(z / len(voxels), DOING)
-    return replace(labels, voxels=voxels)
+    return replace(labels, voxels=(yield from convert_steps(labels.voxels, fits[0], DOING)))
 
 
 def _check_numbers(low: float, high: float) -> None:
