@@ -37,7 +37,6 @@ from .records import WORDS
 from .tables import (
     RunLengthVolume,
     RunTables,
-    data_pointers_from_scanlines,
     pointers_from_counts,
     scanline_pointers_from_counts,
 )
@@ -331,19 +330,14 @@ class StoredVolume:
         of_voxels = self._names(order)
         names = [f"{order}.{COUNTS}", f"{order}.{RUNS}", *of_voxels.values()]
         first, last, parts = self.mapped.chunk_parts(number, names)
-        axis, shape = 2 if order == ROWS else 0, (*self.shape_xyz[:2], last - first)
         counts = np.asarray(parts[f"{order}.{COUNTS}"]).reshape(*self._chunk_shape(order, first, last), 2)
         runs, voxels = counts[..., 0], counts[..., 1]
-        pointers, n_runs = scanline_pointers_from_counts(runs)
-        starts, n_voxels = pointers_from_counts(voxels)
-        ends = data_pointers_from_scanlines(starts, n_voxels)
-        made = validate.scanline_starts(axis, shape, pointers, ends, parts[f"{order}.{RUNS}"], n_voxels)
+        n_runs, n_voxels = (int(of_each.sum(dtype=np.int64)) for of_each in (runs, voxels))
         table = next(iter(of_voxels.values()))
-        counted = n_runs, n_voxels
-        if counted != (self.mapped.entries(f"{order}.{RUNS}", number), self.mapped.entries(table, number)):
+        if (n_runs, n_voxels) != (self.mapped.entries(f"{order}.{RUNS}", number), self.mapped.entries(table, number)):
             raise make_damage_error(self.path, "the counts do not fit the tables")
-        if not np.array_equal(made, starts):
-            raise make_damage_error(self.path, "the counts of voxels do not fit the runs")
+        axis, width = (2, self.shape_xyz[0]) if order == ROWS else (0, self.shape_xyz[1])
+        validate.check_runs(axis, counts, parts[f"{order}.{RUNS}"], width)
         if self.classification == "pre":
             validate.check_records(axis, self._records(parts[of_voxels["records"]]), self.decoding)
         else:

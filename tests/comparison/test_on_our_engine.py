@@ -7,9 +7,9 @@ from benchmarks.phantoms import blobs, thin_shell
 from rle_splat.comparison import ours
 from rle_splat.comparison.ours import decode
 from rle_splat.encode.encode import encode
-from rle_splat.encode.validate import scanline_starts
 from rle_splat.pipeline.render import render
 from rle_splat.scene import Quality
+from tests.encoded import validate
 from tests.ways import NUMPY
 
 
@@ -37,9 +37,7 @@ def test_tables_of_every_voxel_skip_nothing(stand, axis):
     assert (dense.scanline_pointers >= 0).all() and dense.visible_voxels == 9 * 7 * 5 > sparse.visible_voxels > 0
     assert (dense.runs.reshape(-1, 2) == (0, dense.width)).all()
     np.testing.assert_array_equal(decode(dense), decode(sparse))
-    tables = dense.scanline_pointers, dense.data_pointers, dense.runs
-    derived = scanline_starts(axis, dense.shape_xyz, *tables, dense.visible_voxels)
-    np.testing.assert_array_equal(derived, dense.scanline_data_pointers)
+    validate(dense)
 
 
 def test_shear_warp_is_coarser_than_ours_and_finer_than_the_letter_of_the_paper(stand):
