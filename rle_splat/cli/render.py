@@ -18,7 +18,6 @@ from .appearance import choose_transfer_function, read_transfer_function
 from .dask_option import add_dask_option, check_dask
 from .frames import add_frames_option, each_frame
 from .images import writer_for
-from .lighting import check_lighting
 from .made import describe_kept, mark_of, outputs_of, write_mark
 from .mixing import add_mixing_options, hide_table, mix, mixing_inputs, read_further, read_mixing
 from .progress import ProgressLine
@@ -291,7 +290,7 @@ def see_anew(args, checked: Checked, first: PreparedScene) -> PreparedScene:
     volume = first.scene.volume
     camera, matrix = place(args, volume, *read_placement(args))
     if checked.is_encoded:
-        check_lighting(args, volume.lighting, read_lights(args)[0], camera)
+        light_options.check_lighting(args, volume.lighting, read_lights(args)[0], camera)
     scene = replace(first.scene, camera=camera, volume_matrix=matrix, motion=())
     return replace(first, scene=moving(scene, checked.poses), read_ms=0.0)
 
@@ -347,7 +346,7 @@ def _prepare_tables(args, quality) -> PreparedScene:
             "--transfer-function, or encode the volume again."
         )
     camera, matrix = place(args, stored, camera, matrix)
-    check_lighting(args, stored.lighting, lights, camera)
+    light_options.check_lighting(args, stored.lighting, lights, camera)
     if args.model is None and not args.paper:
         quality = replace(quality, model=stored.model)
     if args.record is not None and quality.record != stored.record:
