@@ -32,8 +32,9 @@ def find_seen(shown, rows) -> np.ndarray:
     return seen
 
 
-def count_seen(seen, counts, pieces):
-    """Count the voxels of each row that are True in ``seen`` (rows, nx), and the connected pieces that they form."""
+def count_kept(bits, counts, pieces):
+    """Count the bits of each row, and the connected pieces that they form."""
+    seen = unpack(bits)
     counts[:] = np.count_nonzero(seen, axis=1)
     pieces[:] = np.count_nonzero(seen[:, 1:] > seen[:, :-1], axis=1) + seen[:, 0]
 
@@ -133,14 +134,16 @@ def _close_across(rows):
 
 
 def mark_seen(stored, labels, numbers, shown, size: int, seen):
-    """Set ``seen`` where a voxel is visible, as ``mixture_kernels._mark``."""
+    """Set ``seen`` where a voxel is visible, as ``mixture_kernels.mark_seen``."""
     seen |= shown[_entries(stored, labels, numbers, size)]
 
 
-def add_channel(indices, stored, labels, numbers, tables, size: int, distance: float, properties):
-    """Add one channel to the optical properties of voxels, as ``mixture_kernels._add``."""
-    entry = _entries(stored[indices], None if labels is None else labels[indices], numbers, size)
-    mix(properties, *(table[entry] for table in tables), distance)
+def add_channel(
+    indices, stored, labels, numbers, alphas, extinctions, colors, per_distance, size: int, distance: float, properties
+):
+    """Add one channel to the optical properties of voxels, as ``mixture_kernels.add_channel``."""
+    entry = _entries(stored[indices], labels[indices] if labels.size else None, numbers, size)
+    mix(properties, *(table[entry] for table in (alphas, extinctions, colors, per_distance)), distance)
 
 
 def mix(properties, alpha, extinction, color, per_distance, distance: float) -> np.ndarray:

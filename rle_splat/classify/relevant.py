@@ -15,7 +15,7 @@ import numpy as np
 
 from ..runtime.bits import count_bits, eight_bytes, lowest_bit
 from ..runtime.buffer_pool import empty
-from ..runtime.jit import compiled, kernel, parallel_call, read_only
+from ..runtime.jit import compiled, kernel, parallel_call, read_only, run_either
 from ..runtime.parallel import share_out
 from ..runtime.steps import drain
 from ..volume.blocks import BLOCK_X, BLOCK_Y, BLOCK_Z, Blocks, cut_chunks
@@ -186,11 +186,7 @@ def count_kept(bits: np.ndarray, *, threads: int = 0):
         Connected pieces that they form.
     """
     counts, row_pieces = np.zeros(len(bits), np.int64), np.zeros(len(bits), np.int32)
-    if compiled():
-        with parallel_call(threads):
-            _count_kept(bits, counts, row_pieces)
-    else:
-        reference.count_seen(reference.unpack(bits), counts, row_pieces)
+    run_either(threads, _count_kept, reference.count_kept, bits, counts, row_pieces)
     return counts, row_pieces
 
 

@@ -62,7 +62,7 @@ def code(relative) -> np.ndarray:
 
 
 def pack(records, inverse, voxel_data):
-    """Code records (n, 4), as ``records._pack``; ``inverse`` (4,): one over the scale of each channel."""
+    """Code records (n, 4), as ``encode_kernels.pack``; ``inverse`` (4,): one over the scale of each channel."""
     codes = code(records * inverse).astype(np.uint64)
     voxel_data[:] = (codes << np.arange(0, 64, 16, dtype=np.uint64)).sum(axis=1, dtype=np.uint64)
 
