@@ -5,6 +5,7 @@ Which voxels are visible or matter, what they look like (algorithm.md 1.10), and
 
 import numpy as np
 
+from ..volume.blocks import BLOCK_Z
 from .points import LARGEST
 
 SHORT = 4  # largest width of a gap that is closed, in voxels
@@ -73,9 +74,10 @@ def find_heights(function, values: np.ndarray) -> np.ndarray:
     return function.heights[inside] * (1.0 - share) + function.heights[after] * share
 
 
-def mark_relevant(voxels, first, last, ends, bits):
-    """Set the bits of voxels that matter, as ``relevant._mark_relevant``, in planes [first, last)."""
+def mark_relevant(voxels, first, last, _near, ends, bits):
+    """Set the bits of voxels that matter, as ``relevant._mark_relevant``, in planes of blocks [first, last)."""
     n_z, n_y, _ = voxels.shape
+    first, last = first * BLOCK_Z, min(last * BLOCK_Z, n_z)
     begin, end = max(first - 1, 0), min(last + 1, n_z)
     low = high = voxels[begin:end]
     for axis in range(3):

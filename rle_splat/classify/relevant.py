@@ -160,11 +160,8 @@ def relevant_steps(volume, reach: Reach, blocks: Blocks, *, threads: int = 0):
         rows = slice(first // BLOCK_Z, -(-last // BLOCK_Z))
         if not near[rows].any():
             continue
-        if compiled():
-            with parallel_call(threads):
-                _mark_relevant(voxels, rows.start, rows.stop, near, reach.ends, bits)
-        else:
-            reference.mark_relevant(voxels, first, last, reach.ends, bits)
+        own = voxels, rows.start, rows.stop, near, reach.ends, bits
+        run_either(threads, _mark_relevant, reference.mark_relevant, *own)
     return bits
 
 
