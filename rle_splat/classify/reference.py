@@ -33,6 +33,15 @@ def find_seen(shown, rows) -> np.ndarray:
     return seen
 
 
+def with_neighbors(values, of_two, axis: int) -> np.ndarray:
+    """The extreme, by a ufunc ``of_two``, of each value and its two neighbors along an axis."""
+    found = values.copy()
+    into, moved = np.moveaxis(found, axis, 0), np.moveaxis(values, axis, 0)
+    of_two(into[1:], moved[:-1], out=into[1:])
+    of_two(into[:-1], moved[1:], out=into[:-1])
+    return found
+
+
 def count_kept(bits, counts, pieces):
     """Count the bits of each row, and the connected pieces that they form."""
     seen = unpack(bits)

@@ -21,7 +21,7 @@ from ..runtime.steps import drain
 from ..volume.blocks import BLOCK_X, BLOCK_Y, BLOCK_Z, Blocks, cut_chunks
 from . import reference
 from .points import LARGEST, pieces, positive_intervals
-from .reference import WORD
+from .reference import WORD, with_neighbors
 from .visible import VisibleVoxels, row_offsets
 
 NO_BITS, ONE_BIT = np.uint64(0), np.uint64(1)
@@ -67,20 +67,11 @@ class Reach:
         """(blocks along z, y, x) uint8: 0 where no voxel of a block is a corner of a visible cell."""
         low, high = blocks.low, blocks.high
         for axis in range(3):  # cells extend into the neighboring blocks
-            low, high = _with_neighbors(low, axis, np.minimum), _with_neighbors(high, axis, np.maximum)
+            low, high = with_neighbors(low, np.minimum, axis), with_neighbors(high, np.maximum, axis)
         shown = np.zeros(low.shape, bool)
         for least, most in self.ends:
             shown |= (high >= least) & (low <= most)
         return (shown & (low <= high)).astype(np.uint8)
-
-
-def _with_neighbors(ends, axis, choose):
-    """Extremes of each block and its two neighbors along ``axis``."""
-    moved = np.moveaxis(ends, axis, 0)
-    found = moved.copy()
-    found[1:] = choose(found[1:], moved[:-1])
-    found[:-1] = choose(found[:-1], moved[1:])
-    return np.moveaxis(found, 0, axis)
 
 
 class _Numbers:

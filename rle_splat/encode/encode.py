@@ -78,8 +78,8 @@ def encode(
         """Records from ``colors``; see ``record_steps``."""
         first, last = positions.span
         made = empty_records(16, last - first)
-        own = density[first:last], colors[first:last]
-        run_either(threads, passes.color_records, reference.color_records, *own, made)
+        made[:, 3] = density[first:last]
+        made[:, :3] = made[:, 3:] * colors[first:last]
         _place(positions, made, records, threads)
         return most_color
 

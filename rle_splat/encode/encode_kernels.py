@@ -18,23 +18,6 @@ MOST_BYTES = 16  # largest record
 
 
 @kernel
-def color_records(density, colors, records):
-    """Write ``records`` (n, 4) float32, (density * RGB, density), from ``density`` (n,) and ``colors`` (n, 3)."""
-    share_out(_color_records, records.shape[0], (density, colors, records))
-
-
-@kernel(inner=True)
-def _color_records(begin, end, density, colors, records):
-    """``color_records`` for records [begin, end)."""
-    for i in range(begin, end):
-        thickness = density[i]
-        records[i, 0] = thickness * colors[i, 0]
-        records[i, 1] = thickness * colors[i, 1]
-        records[i, 2] = thickness * colors[i, 2]
-        records[i, 3] = thickness
-
-
-@kernel
 def pack(records, inverse, voxel_data):
     """Code records (n, 4) of 16 bytes in 8, ``voxel_data`` (n,); ``inverse`` (4,) float64: one over each scale."""
     share_out(_pack_some, voxel_data.size, (records, inverse, voxel_data))

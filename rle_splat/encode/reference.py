@@ -49,12 +49,6 @@ def make_tables(voxels, axis: int):
     return scanline_pointers, data_pointers, runs, scanline_data_pointers
 
 
-def color_records(density, colors, records):
-    """Fill records (n, 4) of 16 bytes: density * RGB, and density."""
-    records[:, 3] = density
-    records[:, :3] = records[:, 3:] * colors
-
-
 def code(relative) -> np.ndarray:
     """Round float64 values in [0, 1] to 16-bit floats, as uint32."""
     bits = np.asarray(relative).astype(np.float32).view(np.uint32)
