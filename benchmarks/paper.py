@@ -15,7 +15,7 @@ from statistics import median
 import numpy as np
 
 from rle_splat.comparison.medium import scene_medium
-from rle_splat.comparison.unaccelerated import every_voxel
+from rle_splat.comparison.ours import every_voxel
 from rle_splat.comparison.westover import prepare as prepare_westover
 from rle_splat.encode.encode import encode
 from rle_splat.encode.stored import StoredVolume

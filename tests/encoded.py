@@ -4,21 +4,38 @@ from __future__ import annotations
 
 import numpy as np
 
-from rle_splat.encode.tables import RunLengthVolume
-from rle_splat.encode.validate import check_records, scanline_starts
+from rle_splat.encode.records import TYPES, WORDS
+from rle_splat.encode.tables import (
+    RunLengthVolume,
+    counts_of,
+    data_pointers_from_scanlines,
+    pointers_from_counts,
+    run_type,
+    scanline_pointers_from_counts,
+)
+from rle_splat.encode.validate import check_records, check_runs
 from rle_splat.scene import RleSplatError
 from rle_splat.volume.axes import AXES
 
 
 def validate(encoded: RunLengthVolume) -> None:
     """Raise RleSplatError unless all tables, the derived one too, are in the canonical form of algorithm.md 1.1."""
-    check_records(encoded.axis, encoded.voxel_data, encoded.decoding)
-    derived = scanline_starts(
-        encoded.axis, encoded.shape_xyz, encoded.scanline_pointers, encoded.data_pointers, encoded.runs,
-        len(encoded.voxel_data),
+    forms = {(np.dtype(kind), WORDS[record]) for record, kind in TYPES.items()}
+    data = encoded.voxel_data
+    if (data.dtype, data.shape[1:]) not in forms or not data.flags.c_contiguous:
+        raise RleSplatError("The tables are damaged: the voxel data are no records.")
+    check_records(encoded.axis, data, encoded.decoding)
+    counts = counts_of(encoded)
+    check_runs(encoded.axis, counts, encoded.runs, encoded.width)
+    pointers, _ = scanline_pointers_from_counts(counts[..., 0])
+    starts, n_voxels = pointers_from_counts(counts[..., 1])
+    same = (
+        (encoded.scanline_pointers, pointers), (encoded.scanline_data_pointers, starts),
+        (encoded.data_pointers, data_pointers_from_scanlines(starts, len(data))),
     )  # fmt: skip
-    if not np.array_equal(derived, encoded.scanline_data_pointers):
-        raise RleSplatError("The tables are damaged: the derived pointers do not follow from the runs.")
+    good = n_voxels == len(data) and encoded.runs.dtype == run_type(encoded.shape_xyz)
+    if not good or not all(held.dtype == found.dtype and np.array_equal(held, found) for held, found in same):
+        raise RleSplatError("The tables are damaged: pointers do not follow from the runs.")
 
 
 def to_volume_order(dense: np.ndarray, axis: int) -> np.ndarray:

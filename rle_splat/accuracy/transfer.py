@@ -43,15 +43,12 @@ def opacity_unit_distance(transfer_function, volume) -> float:
     return float(np.sqrt((volume.affine[:3, :3] ** 2).sum(axis=0)).min() if own is None else own)
 
 
-def world_length_of_unit(scene: Scene) -> float:
-    """World length of the volume's unit: the cube root of the volume of a unit cube after the volume's matrix."""
-    return float(np.cbrt(abs(np.linalg.det(scene.volume_matrix[:3, :3]))) * scene.scene_scale)
-
-
 def world_opacity_distance(scene: Scene, transfer_function=None) -> float:
     """World length of the distance that a transfer function's alpha refers to, by default the scene's own one's."""
     function = transfer_function or scene.transfer_function
-    return opacity_unit_distance(function, scene.volume) * world_length_of_unit(scene)
+    # Of the volume's unit: the cube root of the volume of a unit cube after the volume's matrix.
+    world_length = float(np.cbrt(abs(np.linalg.det(scene.volume_matrix[:3, :3]))) * scene.scene_scale)
+    return opacity_unit_distance(function, scene.volume) * world_length
 
 
 def optical_depth(alpha) -> np.ndarray:

@@ -21,7 +21,7 @@ import numpy as np
 from ..runtime.jit import compiled, inner_loop, kernel, parallel_call
 from ..runtime.parallel import share_out
 from . import reference
-from .reference import AROUND, NEIGHBORS, OWN_SHARE, WHOLE
+from .reference import AROUND, NEIGHBORS, OWN_SHARE, WHOLE, with_neighbors
 
 PIECE = 1 << 12  # voxels per piece of work
 
@@ -121,24 +121,15 @@ def beside_edge(numbers) -> np.ndarray:
     """Bool, shape of ``numbers``: whether a voxel and its 26 neighbors have several functions."""
     least = most = numbers
     for axis in range(3):
-        least, most = _extreme(least, np.minimum, axis), _extreme(most, np.maximum, axis)
+        least, most = with_neighbors(least, np.minimum, axis), with_neighbors(most, np.maximum, axis)
     return least != most
 
 
 def beside_any(chosen) -> np.ndarray:
     """Bool, shape of ``chosen``: whether a voxel or any of its 26 neighbors is chosen."""
     for axis in range(3):
-        chosen = _extreme(chosen, np.logical_or, axis)
+        chosen = with_neighbors(chosen, np.logical_or, axis)
     return chosen
-
-
-def _extreme(numbers, of_two, axis: int) -> np.ndarray:
-    """The extreme of each voxel and its two neighbors along an axis."""
-    found = numbers.copy()
-    into, values = np.moveaxis(found, axis, 0), np.moveaxis(numbers, axis, 0)
-    of_two(into[1:], values[:-1], out=into[1:])
-    of_two(into[:-1], values[1:], out=into[:-1])
-    return found
 
 
 @kernel

@@ -15,10 +15,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..runtime.jit import read_only
+from ..runtime.jit import read_only, run_either
 from ..runtime.work_sizes import MIXED_AT_ONCE
 from ..volume.blocks import cut_chunks
 from ..volume.counts import counts_values
+from . import mixture_kernels as kernels
+from . import reference
 from .classification import (
     ALPHA_CAP,
     EXTINCTION,
@@ -31,7 +33,7 @@ from .classification import (
 )
 from .label_edges import EdgeShares, edge_shares, nearest_seen
 from .limits import LEAST_DISTANCE
-from .mixture_kernels import add_channel, mark_seen
+from .mixture_kernels import NO_LABELS
 from .reference import WORD, mix, pack
 from .visible import VisibleVoxels
 
@@ -278,10 +280,9 @@ class Mixture:
                 if table is None:
                     mix(mixed, *part.look_up(indices, self.volume, length, distance), distance)
                 else:
-                    add_channel(
-                        indices, part.stored, part.label_patterns, part.number_table, table, part.size, distance, mixed,
-                        threads=threads,
-                    )  # fmt: skip
+                    labels = NO_LABELS if part.labels is None else part.label_patterns
+                    own = indices, part.stored, labels, part.number_table, *table, part.size, distance, mixed
+                    run_either(threads, kernels.add_channel, reference.add_channel, *own)
                 if part.is_smooth:
                     edges, offset = part.edges(first, last, threads), first * ny * nx
                     blended = part.blend(edges, offset, table, self.volume, length, distance)
@@ -377,9 +378,8 @@ class Mixture:
         for part in self._parts:
             if part.has_tables:
                 labels = None if part.labels is None else part.label_patterns[flat]
-                mark_seen(
-                    part.stored[flat], labels, part.number_table, part.alphas > 0.0, part.size, seen, threads=threads
-                )
+                own = part.stored[flat], labels, part.number_table, part.alphas > 0.0, part.size, seen
+                run_either(threads, kernels.mark_seen, reference.mark_seen, *own)
             else:
                 seen |= part.look_up(flat, self.volume, 1.0, 1.0)[0] > 0.0
             if part.is_smooth:  # the first one, so that nothing else is marked yet

@@ -5,6 +5,7 @@ Which voxels are visible or matter, what they look like (algorithm.md 1.10), and
 
 import numpy as np
 
+from ..volume.blocks import BLOCK_Z
 from .points import LARGEST
 
 SHORT = 4  # largest width of a gap that is closed, in voxels
@@ -32,8 +33,18 @@ def find_seen(shown, rows) -> np.ndarray:
     return seen
 
 
-def count_seen(seen, counts, pieces):
-    """Count the voxels of each row that are True in ``seen`` (rows, nx), and the connected pieces that they form."""
+def with_neighbors(values, of_two, axis: int) -> np.ndarray:
+    """The extreme, by a ufunc ``of_two``, of each value and its two neighbors along an axis."""
+    found = values.copy()
+    into, moved = np.moveaxis(found, axis, 0), np.moveaxis(values, axis, 0)
+    of_two(into[1:], moved[:-1], out=into[1:])
+    of_two(into[:-1], moved[1:], out=into[:-1])
+    return found
+
+
+def count_kept(bits, counts, pieces):
+    """Count the bits of each row, and the connected pieces that they form."""
+    seen = unpack(bits)
     counts[:] = np.count_nonzero(seen, axis=1)
     pieces[:] = np.count_nonzero(seen[:, 1:] > seen[:, :-1], axis=1) + seen[:, 0]
 
@@ -72,9 +83,10 @@ def find_heights(function, values: np.ndarray) -> np.ndarray:
     return function.heights[inside] * (1.0 - share) + function.heights[after] * share
 
 
-def mark_relevant(voxels, first, last, ends, bits):
-    """Set the bits of voxels that matter, as ``relevant._mark_relevant``, in planes [first, last)."""
+def mark_relevant(voxels, first, last, _near, ends, bits):
+    """Set the bits of voxels that matter, as ``relevant._mark_relevant``, in planes of blocks [first, last)."""
     n_z, n_y, _ = voxels.shape
+    first, last = first * BLOCK_Z, min(last * BLOCK_Z, n_z)
     begin, end = max(first - 1, 0), min(last + 1, n_z)
     low = high = voxels[begin:end]
     for axis in range(3):
@@ -133,14 +145,16 @@ def _close_across(rows):
 
 
 def mark_seen(stored, labels, numbers, shown, size: int, seen):
-    """Set ``seen`` where a voxel is visible, as ``mixture_kernels._mark``."""
+    """Set ``seen`` where a voxel is visible, as ``mixture_kernels.mark_seen``."""
     seen |= shown[_entries(stored, labels, numbers, size)]
 
 
-def add_channel(indices, stored, labels, numbers, tables, size: int, distance: float, properties):
-    """Add one channel to the optical properties of voxels, as ``mixture_kernels._add``."""
-    entry = _entries(stored[indices], None if labels is None else labels[indices], numbers, size)
-    mix(properties, *(table[entry] for table in tables), distance)
+def add_channel(
+    indices, stored, labels, numbers, alphas, extinctions, colors, per_distance, size: int, distance: float, properties
+):
+    """Add one channel to the optical properties of voxels, as ``mixture_kernels.add_channel``."""
+    entry = _entries(stored[indices], labels[indices] if labels.size else None, numbers, size)
+    mix(properties, *(table[entry] for table in (alphas, extinctions, colors, per_distance)), distance)
 
 
 def mix(properties, alpha, extinction, color, per_distance, distance: float) -> np.ndarray:

@@ -15,13 +15,13 @@ import numpy as np
 
 from ..runtime.bits import count_bits, eight_bytes, lowest_bit
 from ..runtime.buffer_pool import empty
-from ..runtime.jit import compiled, kernel, parallel_call, read_only
+from ..runtime.jit import compiled, kernel, parallel_call, read_only, run_either
 from ..runtime.parallel import share_out
 from ..runtime.steps import drain
 from ..volume.blocks import BLOCK_X, BLOCK_Y, BLOCK_Z, Blocks, cut_chunks
 from . import reference
 from .points import LARGEST, pieces, positive_intervals
-from .reference import WORD
+from .reference import WORD, with_neighbors
 from .visible import VisibleVoxels, row_offsets
 
 NO_BITS, ONE_BIT = np.uint64(0), np.uint64(1)
@@ -67,20 +67,11 @@ class Reach:
         """(blocks along z, y, x) uint8: 0 where no voxel of a block is a corner of a visible cell."""
         low, high = blocks.low, blocks.high
         for axis in range(3):  # cells extend into the neighboring blocks
-            low, high = _with_neighbors(low, axis, np.minimum), _with_neighbors(high, axis, np.maximum)
+            low, high = with_neighbors(low, np.minimum, axis), with_neighbors(high, np.maximum, axis)
         shown = np.zeros(low.shape, bool)
         for least, most in self.ends:
             shown |= (high >= least) & (low <= most)
         return (shown & (low <= high)).astype(np.uint8)
-
-
-def _with_neighbors(ends, axis, choose):
-    """Extremes of each block and its two neighbors along ``axis``."""
-    moved = np.moveaxis(ends, axis, 0)
-    found = moved.copy()
-    found[1:] = choose(found[1:], moved[:-1])
-    found[:-1] = choose(found[:-1], moved[1:])
-    return np.moveaxis(found, 0, axis)
 
 
 class _Numbers:
@@ -160,11 +151,8 @@ def relevant_steps(volume, reach: Reach, blocks: Blocks, *, threads: int = 0):
         rows = slice(first // BLOCK_Z, -(-last // BLOCK_Z))
         if not near[rows].any():
             continue
-        if compiled():
-            with parallel_call(threads):
-                _mark_relevant(voxels, rows.start, rows.stop, near, reach.ends, bits)
-        else:
-            reference.mark_relevant(voxels, first, last, reach.ends, bits)
+        own = voxels, rows.start, rows.stop, near, reach.ends, bits
+        run_either(threads, _mark_relevant, reference.mark_relevant, *own)
     return bits
 
 
@@ -186,11 +174,7 @@ def count_kept(bits: np.ndarray, *, threads: int = 0):
         Connected pieces that they form.
     """
     counts, row_pieces = np.zeros(len(bits), np.int64), np.zeros(len(bits), np.int32)
-    if compiled():
-        with parallel_call(threads):
-            _count_kept(bits, counts, row_pieces)
-    else:
-        reference.count_seen(reference.unpack(bits), counts, row_pieces)
+    run_either(threads, _count_kept, reference.count_kept, bits, counts, row_pieces)
     return counts, row_pieces
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from ..runtime.work_sizes import MIXED_AT_ONCE
 from ..volume.blocks import cut_chunks
 from .lookup_table import LookupTable
+from .reference import with_neighbors
 from .visible import VisibleVoxels
 
 
@@ -40,20 +41,11 @@ def nearby_steps(volume, voxels: VisibleVoxels, infinite):
         for end, choose in zip(found, (np.fmin, np.fmax)):
             around = np.asarray(volume.voxels[low : last + 1])
             for axis in range(3):
-                around = _with_neighbors(around, axis, choose)
+                around = with_neighbors(around, choose, axis)
             end[own] = around[first - low : last - low].reshape(-1, nx)[rows, voxels.column[own]]
             if infinite:
                 end[own] = np.where(np.isinf(end[own]), np.clip(end[own], *infinite), end[own])
     return found
-
-
-def _with_neighbors(values, axis: int, choose):
-    """Extremes of each voxel and its two neighbors along an axis."""
-    moved = np.moveaxis(values, axis, 0)
-    found = moved.copy()
-    choose(found[1:], moved[:-1], out=found[1:])
-    choose(found[:-1], moved[1:], out=found[:-1])
-    return np.moveaxis(found, 0, axis)
 
 
 def mean_extinction(table: LookupTable, nearby: np.ndarray) -> np.ndarray:

@@ -1,12 +1,17 @@
-"""Options of shadows, world light, ambient occlusion and indirect light."""
+"""Options of shadows, world light, ambient occlusion and indirect light, and the light of `.rle` files."""
 
 from dataclasses import replace
 
 import numpy as np
 
 from ..scene import RleSplatError, Scene
+from ..scene.plain import plain
 from ..shade.environment import panorama_moments
+from ..view.projection import depth_row
 from .images import read_exr
+
+# Directions that differ by less than this are equal: a .rle file stores them exactly, a camera file may round them.
+DIRECTION_TOLERANCE = 1e-6
 
 
 def add_light_effect_options(parser, with_pass: bool = True) -> None:
@@ -76,6 +81,39 @@ def refuse_light_effects(args) -> None:
             f"The light of {args.volume} is already encoded; remove --shadows, --world, --environment, "
             "--ambient-occlusion and --indirect-light, or render the original volume."
         )
+
+
+def check_lighting(args, lighting, lights, camera) -> None:
+    """Refuse options that ask for other lights than those of a .rle file; RleSplatError if they differ.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+        With ``volume``, ``no_shading``, ``lights`` and ``headlight``; an option that is not given is not checked.
+    lighting : dict
+        The description of the lights in the .rle file.
+    lights : tuple of Light
+        The lights of --lights.
+    camera : Camera
+        The camera, for the direction of a headlight.
+    """
+    if args.no_shading and lighting.get("shaded", True):
+        raise RleSplatError(f"{args.volume} was encoded with shading; remove --no-shading, or encode it again.")
+    if args.lights is not None and plain(lights) != lighting.get("lights"):
+        raise RleSplatError(
+            f"{args.volume} was encoded with other lights than {args.lights}; remove --lights, or encode it again."
+        )
+    headlight = lighting.get("headlight_direction")
+    if args.headlight is False and headlight is not None:
+        raise RleSplatError(f"{args.volume} was encoded with a headlight; remove --no-headlight, or encode it again.")
+    if args.headlight and not _shines_along(headlight, depth_row(camera)[:3]):
+        raise RleSplatError(
+            f"{args.volume} was not encoded with a headlight from this view; remove --headlight, or encode it again."
+        )
+
+
+def _shines_along(headlight, looking) -> bool:
+    return headlight is not None and bool(np.abs(np.subtract(headlight, looking)).max() <= DIRECTION_TOLERANCE)
 
 
 def read_sky(args):

@@ -23,7 +23,6 @@ from ..scene import (
     NAMED_DEPTH_RULES,
     QUALITY_PRESETS,
     RECORDS,
-    REMOVED_BACKEND,
     WARP_FILTERS,
     Quality,
     RleSplatError,
@@ -302,7 +301,6 @@ def add_quality_options(parser) -> None:
     group.add_argument("--paper", action="store_true", help="the algorithm as published, classification pre")
     for option, (name, kind, values) in KNOBS.items():
         group.add_argument(option, dest=name, type=kind, metavar=values, help=KNOB_TEXTS[name])
-    group.add_argument("--refinement", help=argparse.SUPPRESS)  # of the classification refined of earlier versions
     add_machine_options(parser)
 
 
@@ -337,7 +335,6 @@ def add_machine_options(parser) -> None:
         "--record", type=int, metavar="BYTES",
         help=f"{'|'.join(map(str, RECORDS))}: {KNOB_TEXTS['record']}",
     )  # fmt: skip
-    group.add_argument("--backend", help=argparse.SUPPRESS)  # of earlier versions; without effect
 
 
 def quality_from(args, usual: str | None = None) -> Quality:
@@ -350,10 +347,8 @@ def quality_from(args, usual: str | None = None) -> Quality:
     usual : str, optional
         The classification if none is given.  Without it, pre if a knob needs it, else the default.
     """
-    knobs, removed = without_removed(_list_given_knobs(args))
+    knobs, _ = without_removed(_list_given_knobs(args))
     machine = {"threads": args.threads, "record": knobs.pop("record", RECORDS[0])}
-    if args.refinement is not None and not removed:
-        raise RleSplatError("--refinement has no effect; remove it.")
     if args.quality is not None and args.paper:
         raise RleSplatError("--quality and --paper contradict each other; give one of them.")
     if getattr(args, "tolerance", None) is not None:
@@ -389,9 +384,8 @@ def _default_classification(args) -> str:
 
 
 def remark_on_removed(args) -> tuple[str, ...]:
-    """A remark for the report for each option, or value of one, that is given and was removed."""
-    backend = () if getattr(args, "backend", None) is None else (f"The option --backend {REMOVED_BACKEND}.",)
-    return *without_removed(_list_given_knobs(args))[1], *backend
+    """A remark for the report for each value of an option that is given and was removed."""
+    return without_removed(_list_given_knobs(args))[1]
 
 
 def quality_remarks(args, quality: Quality) -> tuple[str, ...]:

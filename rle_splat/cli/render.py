@@ -7,28 +7,34 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from ..runtime.outputs import check_outputs, write_report
 from ..runtime.whole_files import whole_files, writing
-from ..scene import Camera, Cancelled, Quality, RleSplatError, Scene, check_crop
-from ..volume.checks import check_values
+from ..scene import Cancelled, Quality, RleSplatError, Scene, check_crop
 from . import light_options, options
-from .appearance import choose_transfer_function, read_transfer_function
+from .appearance import read_transfer_function
 from .dask_option import add_dask_option, check_dask
 from .frames import add_frames_option, each_frame
 from .images import writer_for
-from .lighting import check_lighting
 from .made import describe_kept, mark_of, outputs_of, write_mark
 from .mixing import add_mixing_options, hide_table, mix, mixing_inputs, read_further, read_mixing
 from .progress import ProgressLine
 from .report import say_beginning
 from .rows import ROW_WRITERS
 from .tiling import add_tile_option, check_tiles, render_tiles, side_of_tiles
-from .viewing import check_scene_options, make_scene, moving, place, read_lights, read_motion, read_placement
+from .viewing import (
+    Like,
+    check_scene_options,
+    make_scene,
+    moving,
+    place,
+    read_lights,
+    read_motion,
+    read_placement,
+    read_scene,
+    read_scene_files,
+)
 
 if TYPE_CHECKING:
-    from ..classify.transfer_function import TransferFunction
     from ..pipeline.stage_cache import StageCache
 
 ENCODED_SUFFIX = ".rle"
@@ -126,16 +132,6 @@ class RenderJob:
     cache: StageCache | None = None
     scene_hash: str | None = None
     refuse_empty_view: bool = True
-
-
-@dataclass(frozen=True)
-class Like:
-    """What all frames have from the first: transfer function, the reason for it, camera and the volume's matrix."""
-
-    function: TransferFunction
-    reason: str
-    camera: Camera
-    matrix: np.ndarray
 
 
 def run(args) -> None:
@@ -291,28 +287,18 @@ def see_anew(args, checked: Checked, first: PreparedScene) -> PreparedScene:
     volume = first.scene.volume
     camera, matrix = place(args, volume, *read_placement(args))
     if checked.is_encoded:
-        check_lighting(args, volume.lighting, read_lights(args)[0], camera)
+        light_options.check_lighting(args, volume.lighting, read_lights(args)[0], camera)
     scene = replace(first.scene, camera=camera, volume_matrix=matrix, motion=())
     return replace(first, scene=moving(scene, checked.poses), read_ms=0.0)
 
 
 def _prepare_voxels(args, checked: Checked, line, like: Like | None) -> tuple[PreparedScene, Like]:
     """Read a volume and make its scene; options are checked before the volume is read."""
-    camera, matrix = read_placement(args)
-    given_function = read_transfer_function(args)
-    lights, headlight = read_lights(args)
-    began = perf_counter()
-    volume = options.read_input(args, line)
-    read_ms = 1e3 * (perf_counter() - began)
-    check_values(volume)
-    if like is None:
-        like = Like(*choose_transfer_function(args, volume, given_function), *place(args, volume, camera, matrix))
-    scene = make_scene(args, volume, like.function, like.camera, like.matrix, lights, headlight)
-    described = {"name": like.function.name, "reason": like.reason}
+    scene, read_ms, described = read_scene(args, line, read_scene_files(args), like)
+    like = like or Like(scene.transfer_function, described["reason"], scene.camera, scene.volume_matrix)
     scene = light_options.with_light_effects(args, scene, checked.sky)
-    return PreparedScene(
-        scene, checked.quality, read_ms, described, options.quality_remarks(args, checked.quality)
-    ), like
+    remarks = options.quality_remarks(args, checked.quality)
+    return PreparedScene(scene, checked.quality, read_ms, described, remarks), like
 
 
 def _prepare_tables(args, quality) -> PreparedScene:
@@ -347,7 +333,7 @@ def _prepare_tables(args, quality) -> PreparedScene:
             "--transfer-function, or encode the volume again."
         )
     camera, matrix = place(args, stored, camera, matrix)
-    check_lighting(args, stored.lighting, lights, camera)
+    light_options.check_lighting(args, stored.lighting, lights, camera)
     if args.model is None and not args.paper:
         quality = replace(quality, model=stored.model)
     if args.record is not None and quality.record != stored.record:

@@ -5,7 +5,8 @@ from pathlib import Path
 
 from .frames import is_in_time
 from .made import delete_abandoned, hash_scene, is_made, outputs_of, report_kept
-from .render import Checked, Like, PreparedScene, RenderJob, prepare, render_prepared, see_anew
+from .render import Checked, PreparedScene, RenderJob, prepare, render_prepared, see_anew
+from .viewing import Like
 
 
 @dataclass

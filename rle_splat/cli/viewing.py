@@ -1,10 +1,11 @@
 """The camera, placement and lights from the options, and the scene made from them."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from time import perf_counter
 
 import numpy as np
 
+from ..classify.transfer_function import TransferFunction
 from ..scene import MODES, Camera, Clip, Light, Mist, Pose, RleSplatError, Scene, as_matrix, from_mapping, read_json
 from ..view.turntable import turntable, turntable_aim
 from ..volume.checks import check_values
@@ -161,13 +162,25 @@ def read_scene_files(args) -> tuple:
     return read_placement(args), read_transfer_function(args), read_lights(args)
 
 
-def read_scene(args, line, files: tuple, **more):
+@dataclass(frozen=True)
+class Like:
+    """What all frames have from the first: transfer function, the reason for it, camera and the volume's matrix."""
+
+    function: TransferFunction
+    reason: str
+    camera: Camera
+    matrix: np.ndarray
+
+
+def read_scene(args, line, files: tuple, like: Like | None = None, **more):
     """Read the volume of a command, and make the scene.
 
     Parameters
     ----------
     files : tuple
         The result of ``read_scene_files``.
+    like : Like, optional
+        What the scene has from another.
     **more
         See ``options.read_input``.
 
@@ -184,9 +197,10 @@ def read_scene(args, line, files: tuple, **more):
     volume = read_input(args, line, **more)
     read_ms = 1e3 * (perf_counter() - began)
     check_values(volume)
-    function, reason = choose_transfer_function(args, volume, given_function)
-    scene = make_scene(args, volume, function, *place(args, volume, *placement), *lights)
-    return scene, read_ms, {"name": function.name, "reason": reason}
+    if like is None:
+        like = Like(*choose_transfer_function(args, volume, given_function), *place(args, volume, *placement))
+    scene = make_scene(args, volume, like.function, like.camera, like.matrix, *lights)
+    return scene, read_ms, {"name": like.function.name, "reason": like.reason}
 
 
 def read_motion(path) -> list[dict]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..runtime.jit import kernel
 from ..view.eye import IndexView
-from .pixel_rays import pixel_frame
+from .medium import pixel_frame
 
 # Offsets within a pixel, along each side: enough to misplace no footprint by more than 1/160 of its reach, up to
 # MOST_SUBPIXELS.

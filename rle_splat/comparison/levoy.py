@@ -12,8 +12,7 @@ import numpy as np
 from ..runtime.jit import kernel, need_kernels, parallel_call, prange, read_only
 from ..runtime.lanes import add4
 from ..scene import NO_DEPTH, Quality
-from .medium import CHANNELS, ShadedScene
-from .pixel_rays import pixel_rays
+from .medium import CHANNELS, ShadedScene, pixel_rays
 from .system import ReadySystem, picture
 
 TITLE = "Levoy's ray casting"

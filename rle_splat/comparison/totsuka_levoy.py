@@ -13,8 +13,7 @@ import numpy as np
 
 from ..runtime.jit import parallel_call, read_only
 from ..scene import NO_DEPTH, Quality, Rendering
-from .medium import ShadedScene, check_plain_view
-from .pixel_rays import pixel_frame
+from .medium import ShadedScene, check_plain_view, pixel_frame
 from .spectrum import TAPS, Spectrum, fast_size, look_up, transform
 from .system import ReadySystem
 

@@ -22,7 +22,6 @@ from ..volume.blocks import cut_chunks
 from . import encode_kernels as passes
 from . import reference
 from .line_bits import WORD
-from .packing import pack
 from .records import decoding_of, empty_records, words_of
 from .tables import (
     RunLengthVolume,
@@ -79,8 +78,8 @@ def encode(
         """Records from ``colors``; see ``record_steps``."""
         first, last = positions.span
         made = empty_records(16, last - first)
-        own = density[first:last], colors[first:last]
-        run_either(threads, passes.color_records, reference.color_records, *own, made)
+        made[:, 3] = density[first:last]
+        made[:, :3] = made[:, 3:] * colors[first:last]
         _place(positions, made, records, threads)
         return most_color
 
@@ -151,7 +150,7 @@ def record_steps(
     """
     voxel_data = empty_records(record, tables.n_voxels)
     floats, codes = empty_records(16, 0), empty_records(record, 0)
-    most_color = 0.0
+    most_color, inverse = 0.0, None if decoding is None else 1.0 / decoding.astype(np.float64)
     in_order = tables.axis == 2  # records stay in the order of the voxels
     if not in_order:
         yield from map_steps(touch_steps(voxel_data), lambda _: 0.0)
@@ -169,7 +168,7 @@ def record_steps(
                 codes = empty_records(record, last - first)
             most_color = max(most_color, write(positions, floats))
             made = voxel_data[first:last] if in_order else codes[: last - first]
-            pack(floats[: last - first], decoding, made, threads=threads)
+            run_either(threads, passes.pack, reference.pack, floats[: last - first], inverse, made)
             if not in_order:
                 _place(_positions(tables, voxels, *planes), words_of(made), words_of(voxel_data), threads)
     return tables.with_voxels(model, voxel_data, decoding, most_color)

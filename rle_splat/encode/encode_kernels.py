@@ -12,25 +12,26 @@ from ..runtime.bits import copy_1, copy_4, copy_16, count_bits, lowest_bit
 from ..runtime.jit import inner_loop, kernel
 from ..runtime.parallel import share_out
 from .line_bits import LAST_BIT, NO_BITS, ONE_BIT, WORD, read_strip, turn_words, word_count, write_runs
+from .records import code_of
 
 MOST_BYTES = 16  # largest record
 
 
 @kernel
-def color_records(density, colors, records):
-    """Write ``records`` (n, 4) float32, (density * RGB, density), from ``density`` (n,) and ``colors`` (n, 3)."""
-    share_out(_color_records, records.shape[0], (density, colors, records))
+def pack(records, inverse, voxel_data):
+    """Code records (n, 4) of 16 bytes in 8, ``voxel_data`` (n,); ``inverse`` (4,) float64: one over each scale."""
+    share_out(_pack_some, voxel_data.size, (records, inverse, voxel_data))
 
 
-@kernel(inner=True)
-def _color_records(begin, end, density, colors, records):
-    """``color_records`` for records [begin, end)."""
-    for i in range(begin, end):
-        thickness = density[i]
-        records[i, 0] = thickness * colors[i, 0]
-        records[i, 1] = thickness * colors[i, 1]
-        records[i, 2] = thickness * colors[i, 2]
-        records[i, 3] = thickness
+@kernel(exact=True, inner=True)
+def _pack_some(begin, end, records, inverse, voxel_data):
+    """``pack`` for records [begin, end)."""
+    made, codes = records[begin:end], voxel_data[begin:end]  # slices start at zero, so the loop becomes SIMD
+    red, green, blue, density = inverse[0], inverse[1], inverse[2], inverse[3]
+    for i in range(codes.size):
+        low = code_of(made[i, 0] * red) | (code_of(made[i, 1] * green) << np.uint32(16))
+        high = code_of(made[i, 2] * blue) | (code_of(made[i, 3] * density) << np.uint32(16))
+        codes[i] = np.uint64(low) | (np.uint64(high) << np.uint64(32))
 
 
 @kernel

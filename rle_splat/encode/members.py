@@ -18,12 +18,10 @@ import json
 import mmap
 import os
 import struct
-import tokenize
 import zipfile
 import zlib
 from copy import copy
 from pathlib import Path
-from typing import ClassVar
 
 import numpy as np
 
@@ -32,13 +30,11 @@ from ..scene import RleSplatError
 from ..volume.axes import AXIS_NAMES
 
 FORMAT, VERSION = "rle-splat", 4
-READ = ((FORMAT, VERSION), (FORMAT, 3), ("rle-splat folder", 1))  # formats of the header; see ``earlier``
 HEADER, JOURNAL = "header.json", "journal"  # a journal is in a folder that is not complete
 COARSE = "coarse"  # members inside: the same volume in larger voxels
 COUNTS, RUNS = "counts", "runs"  # tables of each order; the others hold one entry for each voxel
 SURFACE = "surface"  # table of the codes of which post-classified voxels are lit
 LIGHT_MODEL = "samples"  # how they are lit: ``shade.sample_light``
-NORMALS = "normals"  # what was stored in place of SURFACE, see ``earlier``
 ROWS, ACROSS = "rows", "across"  # orders
 ORDER_OF = {2: ROWS, 1: ROWS, 0: ACROSS}  # principal axis -> order of its scanlines
 LITTLE = "<"
@@ -46,10 +42,10 @@ MOST_HEADER = 1 << 28  # bytes
 LOCAL_HEADER = "<26xHH"  # of a zip's member; the sizes of its name and of what follows the name
 ALIGNED, PADDING, ZIP64 = 64, 0xD935, 20  # tables begin at multiples of it; the kind of a zip's padding; bytes of sizes
 AT_ONCE = 1 << 24  # bytes written between two looks at a checksum
-# Exceptions that checks of members, json, zipfile and numpy's parser of array headers (a Python literal) raise.
+# Exceptions that checks of members, json and zipfile raise.
 DAMAGE = (
-    zipfile.BadZipFile, struct.error, tokenize.TokenError, SyntaxError, EOFError, LookupError, ValueError, TypeError,
-    AttributeError, OverflowError, RuntimeError,
+    zipfile.BadZipFile, struct.error, EOFError, LookupError, ValueError, TypeError, AttributeError, OverflowError,
+    RuntimeError,
 )  # fmt: skip
 LONGEST_REASON = 150  # characters
 
@@ -73,8 +69,6 @@ def unreadable(path, problem: OSError) -> RleSplatError:
 
 class FolderMembers:
     """Members that are the files of a folder. Its methods raise OSError."""
-
-    checksums: ClassVar[dict] = {}  # name -> CRC-32, where the form of the members has one
 
     def __init__(self, path):
         self.path = Path(path)
@@ -108,7 +102,6 @@ class FileMembers:
         with open(path, "rb") as file, zipfile.ZipFile(file) as archive:
             self._mapping = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
             self._places = {one.filename: (self._begin(one), one.file_size) for one in archive.infolist()}
-            self.checksums = {one.filename: one.CRC for one in archive.infolist()}
 
     def _begin(self, member: zipfile.ZipInfo) -> int:
         """Where the content of a member begins."""
@@ -144,7 +137,7 @@ class FileMembers:
 
     def _place(self, name: str) -> tuple[int, int]:
         if self._prefix + name not in self._places:
-            raise FileNotFoundError(2, "No such file", name)
+            raise FileNotFoundError(2, f"it lacks {name}", name)
         return self._places[self._prefix + name]
 
 
@@ -202,9 +195,9 @@ def read_header(members) -> dict:
         header = json.loads(text[8:]) if int(text[:8], 16) == zlib.crc32(text[8:].encode()) else None
     except (ValueError, RecursionError):
         header = None
-    if not isinstance(header, dict) or header.get("format") not in [name for name, _ in READ]:
+    if not isinstance(header, dict) or header.get("format") != FORMAT:
         raise make_damage_error(path, "its header is not complete")
-    if (header["format"], header.get("version")) not in READ:
+    if header.get("version") != VERSION:
         raise RleSplatError(
             f"{path} has the format version {header.get('version')}, and this program reads version {VERSION}; encode "
             "the volume again."
@@ -232,5 +225,5 @@ def bytes_of(array: np.ndarray) -> memoryview:
 
 
 def words_of_entry(array: np.ndarray) -> list:
-    """[dtype, words of an entry (0 for one number), parts] of a table, for the header."""
+    """[dtype, words of an entry (0 for one number), 0] of a table, for the header."""
     return [array.dtype.str[1:], int(np.prod(array.shape[1:])) if array.ndim > 1 else 0, 0]

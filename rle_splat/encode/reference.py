@@ -62,12 +62,6 @@ def list_runs(pointers, starts, runs, width: int, k: int):
             run, x, record = run + 2, x + count, record + count
 
 
-def color_records(density, colors, records):
-    """Fill records (n, 4) of 16 bytes: density * RGB, and density."""
-    records[:, 3] = density
-    records[:, :3] = records[:, 3:] * colors
-
-
 def code(relative) -> np.ndarray:
     """Round float64 values in [0, 1] to 16-bit floats, as uint32."""
     bits = np.asarray(relative).astype(np.float32).view(np.uint32)
@@ -75,7 +69,7 @@ def code(relative) -> np.ndarray:
 
 
 def pack(records, inverse, voxel_data):
-    """Code records (n, 4), as ``records._pack``; ``inverse`` (4,): one over the scale of each channel."""
+    """Code records (n, 4), as ``encode_kernels.pack``; ``inverse`` (4,): one over the scale of each channel."""
     codes = code(records * inverse).astype(np.uint64)
     voxel_data[:] = (codes << np.arange(0, 64, 16, dtype=np.uint64)).sum(axis=1, dtype=np.uint64)
 

@@ -6,7 +6,6 @@ import numpy as np
 
 from ..runtime.whole_files import whole_file
 from ..scene import RleSplatError
-from . import earlier
 from .members import (
     ACROSS,
     COUNTS,
@@ -107,6 +106,4 @@ def load_encoded(path) -> StoredVolume:
     RleSplatError
         If the file cannot be read or is not a `.rle` file.
     """
-    members = find_members(path)
-    found = earlier.read_file(members)
-    return open_volume(members) if found is None else StoredVolume.of(**found)
+    return open_volume(find_members(path))

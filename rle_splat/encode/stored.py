@@ -16,13 +16,12 @@ from ..runtime.memory import bytes_text
 from ..runtime.steps import drain
 from ..scene import RleSplatError
 from ..volume.volume import Volume
-from . import earlier, validate
+from . import validate
 from .members import (
     COARSE,
     COUNTS,
     DAMAGE,
     LITTLE,
-    NORMALS,
     ORDER_OF,
     ROWS,
     RUNS,
@@ -38,7 +37,6 @@ from .records import WORDS
 from .tables import (
     RunLengthVolume,
     RunTables,
-    data_pointers_from_scanlines,
     pointers_from_counts,
     scanline_pointers_from_counts,
 )
@@ -68,11 +66,10 @@ class MappedTables:
         return name in self._dtypes
 
     def table(self, name: str) -> np.ndarray:
-        """A table: (n,) or (n, words); the joined parts of one, (parts, n)."""
+        """A table: (n,) or (n, words)."""
         if name not in self._mapped:
-            kind, words, parts = self._dtypes[name]
-            shape = (parts, -1) if parts else (-1, words) if words else (-1,)
-            self._mapped[name] = self._map(name, np.dtype(LITTLE + kind)).reshape(shape)
+            kind, words, _ = self._dtypes[name]
+            self._mapped[name] = self._map(name, np.dtype(LITTLE + kind)).reshape((-1, words) if words else (-1,))
         return self._mapped[name]
 
     def check_sizes(self) -> None:
@@ -83,8 +80,7 @@ class MappedTables:
 
     def _check_size(self, name: str) -> int:
         """Bytes of a member, which are those of its chunks."""
-        names = [f"{name}.{part}" for part in range(self._dtypes[name][2])] or [name]
-        size, held = sum(int(chunk[one][0]) for chunk in self._chunks for one in names), self._members.size(name)
+        size, held = sum(int(chunk[name][0]) for chunk in self._chunks), self._members.size(name)
         if held != size:
             raise make_damage_error(self._members.path, f"{name} has {bytes_text(held)} instead of {bytes_text(size)}")
         return size
@@ -109,26 +105,18 @@ class MappedTables:
     def entries(self, name: str, number: int) -> int:
         """Entries of chunk ``number`` in a table."""
         kind, words, _ = self._dtypes[name]
-        return self._chunk_bytes(name, number) // (np.dtype(kind).itemsize * max(words, 1))
-
-    def _chunk_bytes(self, name: str, number: int) -> int:
-        """Bytes of a chunk in a table, of one piece of a joined one."""
-        return int(self._chunks[number][f"{name}.0" if self._dtypes[name][2] else name][0])
+        return int(self._chunks[number][name][0]) // (np.dtype(kind).itemsize * max(words, 1))
 
     def chunk_parts(self, number: int, names):
         """(first plane, end, name -> the chunk's part of that table) of chunk ``number``, its checksums compared."""
         first, last = self.ends[number : number + 2]
         parts = {}
         for name in names:
-            table, (_, words, pieces) = self.table(name), self._dtypes[name]
-            begin = sum(self._chunk_bytes(name, before) for before in range(number)) // table.itemsize
-            end = begin + self._chunk_bytes(name, number) // table.itemsize
-            for piece, row in enumerate(table.reshape(max(pieces, 1), -1)):
-                part = row[begin:end]
-                if zlib.crc32(bytes_of(part)) != self._chunks[number][f"{name}.{piece}" if pieces else name][1]:
-                    what = f"the checksum of {name} does not fit in planes {first} to {last - 1}"
-                    raise make_damage_error(self._members.path, what)
-            parts[name] = part.reshape(-1, words) if words else part
+            begin = sum(self.entries(name, before) for before in range(number))
+            parts[name] = self.table(name)[begin : begin + self.entries(name, number)]
+            if zlib.crc32(bytes_of(parts[name])) != self._chunks[number][name][1]:
+                what = f"the checksum of {name} does not fit in planes {first} to {last - 1}"
+                raise make_damage_error(self._members.path, what)
         return first, last, parts
 
 
@@ -218,7 +206,7 @@ class StoredVolume:
     @classmethod
     def of(
         cls, axes: dict, affine, unit: str = "mm", unit_length: float = 1.0, transfer_function=None, lighting=None,
-        source: str = "", remarks=(), space: str | None = None, key: str | None = None,
+        source: str = "", remarks=(), space: str | None = None,
     ) -> StoredVolume:  # fmt: skip
         """A volume in memory; RleSplatError if the encodings do not match.
 
@@ -226,7 +214,7 @@ class StoredVolume:
         ----------
         axes : dict of int to RunLengthVolume
             By principal axis; at least one, all of the same shape, model, record size and scales.
-        affine, unit, unit_length, transfer_function, lighting, source, remarks, space, key
+        affine, unit, unit_length, transfer_function, lighting, source, remarks, space
             As the attributes.
 
         Returns
@@ -246,7 +234,7 @@ class StoredVolume:
         return cls(
             None, "pre", one.shape_xyz, tuple(axes), one.model, one.record, affine, unit, unit_length,
             transfer_function, lighting, source, tuple(remarks), space, one.visible_voxels, 0, None,
-            max(tables.most_color for tables in axes.values()), one.decoding, None, key,
+            max(tables.most_color for tables in axes.values()), one.decoding, None, None,
             {axis: (None, (tables, {})) for axis, tables in axes.items()},
         )  # fmt: skip
 
@@ -269,7 +257,7 @@ class StoredVolume:
     @property
     def holds_normals(self) -> bool:
         """Whether light is made of the voxels' normals, for any view."""
-        return any(self.mapped.has(f"{ROWS}.{name}") for name in (SURFACE, NORMALS))
+        return self.mapped.has(f"{ROWS}.{SURFACE}")
 
     @property
     def stand_in(self) -> Volume:
@@ -342,19 +330,14 @@ class StoredVolume:
         of_voxels = self._names(order)
         names = [f"{order}.{COUNTS}", f"{order}.{RUNS}", *of_voxels.values()]
         first, last, parts = self.mapped.chunk_parts(number, names)
-        axis, shape = 2 if order == ROWS else 0, (*self.shape_xyz[:2], last - first)
         counts = np.asarray(parts[f"{order}.{COUNTS}"]).reshape(*self._chunk_shape(order, first, last), 2)
         runs, voxels = counts[..., 0], counts[..., 1]
-        pointers, n_runs = scanline_pointers_from_counts(runs)
-        starts, n_voxels = pointers_from_counts(voxels)
-        ends = data_pointers_from_scanlines(starts, n_voxels)
-        made = validate.scanline_starts(axis, shape, pointers, ends, parts[f"{order}.{RUNS}"], n_voxels)
+        n_runs, n_voxels = (int(of_each.sum(dtype=np.int64)) for of_each in (runs, voxels))
         table = next(iter(of_voxels.values()))
-        counted = n_runs, n_voxels
-        if counted != (self.mapped.entries(f"{order}.{RUNS}", number), self.mapped.entries(table, number)):
+        if (n_runs, n_voxels) != (self.mapped.entries(f"{order}.{RUNS}", number), self.mapped.entries(table, number)):
             raise make_damage_error(self.path, "the counts do not fit the tables")
-        if not np.array_equal(made, starts):
-            raise make_damage_error(self.path, "the counts of voxels do not fit the runs")
+        axis, width = (2, self.shape_xyz[0]) if order == ROWS else (0, self.shape_xyz[1])
+        validate.check_runs(axis, counts, parts[f"{order}.{RUNS}"], width)
         if self.classification == "pre":
             validate.check_records(axis, self._records(parts[of_voxels["records"]]), self.decoding)
         else:
@@ -392,14 +375,14 @@ class StoredVolume:
         if self.classification == "pre":
             records = self._records(of_voxels["records"])
             return tables.with_voxels(self.model, records, self.decoding, self.most_color), of_voxels
-        return tables, earlier.turn_normals(of_voxels)
+        return tables, of_voxels
 
 
 def classification_of(path) -> str:
     """The classification of a `.rle` file or folder: "pre" for all but one whose header says "post"."""
     try:
         return "post" if read_header(find_members(path)).get("classification") == "post" else "pre"
-    except RleSplatError:  # of an earlier version, or none
+    except RleSplatError:  # opening it gives the error
         return "pre"
 
 
@@ -413,7 +396,6 @@ def _open(members) -> tuple[StoredVolume, bool]:
     """The StoredVolume of members, without a coarse one, and whether there is a coarse one inside."""
     path, header = members.path, read_header(members)
     try:
-        members, header = earlier.lengthen_records(members, earlier.drop_light(header))
         facts = validate.check_header(header)
         dtypes = validate.check_layout(header, facts)
         is_pre, decoding = header["classification"] == "pre", header.get("decoding")

@@ -10,8 +10,6 @@ import numpy as np
 from ..volume.axes import AXES
 from .records import record_bytes, unpack
 
-CHUNK = 1 << 18  # voxels processed at once, so that they are not all copied
-LEAST_DENSITY = 1e-37  # avoids 0 / 0 in color = associated color / density
 TABLES = ("scanline_pointers", "data_pointers", "runs", "voxel_data")  # the paper's tables, in its order
 DERIVED = "scanline_data_pointers"
 
@@ -104,14 +102,14 @@ class RunLengthVolume(RunTables):
         (alpha * RGB, alpha) per opacity unit distance; or the same in 8 bytes, as codes (see ``records``).
     decoding : ndarray of float32 or None
         Scales of the codes, see ``records.decoding_of``; None for 16-byte records.
-    given_most_color : float or None
-        Largest channel of any unassociated color, if known.
+    most_color : float
+        Largest channel of any voxel's unassociated color.
     """
 
     model: str
     voxel_data: np.ndarray
-    decoding: np.ndarray | None = None
-    given_most_color: float | None = None
+    decoding: np.ndarray | None
+    most_color: float
 
     def __post_init__(self):
         for name in (*TABLES, DERIVED):
@@ -132,19 +130,6 @@ class RunLengthVolume(RunTables):
     def decoded(self, first: int = 0, last: int | None = None) -> np.ndarray:
         """(n, 4) float32 records of voxels [first, last)."""
         return unpack(self.voxel_data[first:last], self.decoding)
-
-    @cached_property
-    def most_color(self) -> float:
-        """Largest channel of any voxel's unassociated color; NaN where damaged tables overflow."""
-        if self.given_most_color is not None:
-            return self.given_most_color
-        most = 0.0
-        for first in range(0, len(self.voxel_data), CHUNK):
-            with np.errstate(over="ignore", invalid="ignore"):
-                data = self.decoded(first, first + CHUNK)
-                colors = data[:, :3].max(axis=1) / np.maximum(data[:, 3], LEAST_DENSITY)
-            most = np.maximum(most, colors.max())
-        return float(most)
 
 
 def run_type(shape_xyz) -> type:

@@ -12,15 +12,14 @@ from ..classify.limits import BRIGHTEST
 from ..scene import MODELS, RECORDS, RleSplatError, as_matrix
 from ..volume.axes import AXES, AXIS_NAMES
 from ..volume.volume import PATIENT, STORED_TYPES
-from .members import COUNTS, LIGHT_MODEL, NORMALS, ORDER_OF, ROWS, RUNS, SURFACE
-from .records import SCALES, TYPES, WORDS
+from .members import COUNTS, LIGHT_MODEL, ORDER_OF, ROWS, RUNS, SURFACE
+from .records import SCALES, TYPES, WORDS, record_bytes
 from .scalars import OWN_TYPES
-from .tables import data_pointers_from_scanlines, pointers_from_counts, run_type
+from .tables import run_type
 
 MOST = 1e37  # bound of any number in the voxel data: above the densest and brightest, and within float32
 MOST_COLOR = 2.0 * BRIGHTEST  # of any channel; twice, because short records are rounded
-POINTER_TYPES = (np.dtype(np.int32), np.dtype(np.int64))
-OF_VOXELS = {"pre": ("records",), "post": ("scalars", SURFACE, NORMALS)}  # classification -> tables of voxels
+OF_VOXELS = {"pre": ("records",), "post": ("scalars", SURFACE)}  # classification -> tables of voxels
 NEEDED = {"pre": ("records",), "post": ("scalars",)}
 
 
@@ -117,7 +116,7 @@ def check_layout(header: dict, facts: dict) -> dict:
     Returns
     -------
     dict
-        Name of a table -> dtype, words of an entry and parts, see ``members.words_of_entry``.
+        Name of a table -> dtype and words of an entry, see ``members.words_of_entry``.
     """
     (nx, ny, nz), record, chunks = facts["shape_xyz"], facts["record"], header["slabs"]
     classification = header["classification"]
@@ -128,7 +127,7 @@ def check_layout(header: dict, facts: dict) -> dict:
         COUNTS: {("u4", 2, 0)}, RUNS: {(np.dtype(run_type((nx, ny, 1))).str[1:], 0, 0)},
         "records": {(np.dtype(TYPES[record]).str[1:], math.prod(WORDS[record]), 0)},
         "scalars": {(kind, 0, 0) for kind in ("u1", "i1", "u2", "i2", "f4")},
-        SURFACE: {("i2", 3, 0)}, NORMALS: {("i2", 0, 3)},
+        SURFACE: {("i2", 3, 0)},
     }  # fmt: skip
     found = {name: tuple(entry) for name, entry in header["dtypes"].items()}
     for order in {ORDER_OF[axis] for axis in facts["axes"]}:
@@ -148,12 +147,11 @@ def check_layout(header: dict, facts: dict) -> dict:
 
 
 def _entries(sizes: dict, table: str, found: dict, allowed: set) -> int:
-    """Entries of a chunk in a table, the same in all its parts; ``sizes``: name -> bytes and checksum."""
+    """Entries of a chunk in a table; ``sizes``: name -> bytes and checksum."""
     _require(found[table] in allowed, f"{table} has a type that cannot be rendered")
-    kind, words, parts = found[table]
-    counts = {sizes[name][0] for name in ([f"{table}.{part}" for part in range(parts)] or [table])}
-    count, size = counts.pop(), np.dtype(kind).itemsize * max(words, 1)
-    _require(not counts and _is_count(count) and count % size == 0, f"{table} is cut within an entry")
+    kind, words, _ = found[table]
+    count, size = sizes[table][0], np.dtype(kind).itemsize * max(words, 1)
+    _require(_is_count(count) and count % size == 0, f"{table} is cut within an entry")
     return count // size
 
 
@@ -182,86 +180,43 @@ def _table_error(axis, what: str) -> RleSplatError:
     )
 
 
-def scanline_starts(axis, shape_xyz, scanline_pointers, data_pointers, runs, stored: int) -> np.ndarray:
-    """Derive the fifth table from those that are stored, after checking them.
+def check_runs(axis, counts, runs, width: int) -> None:
+    """Check the runs of scanlines; RleSplatError if they are not as RunLengthVolume describes them.
 
     Parameters
     ----------
-    axis, shape_xyz, scanline_pointers, data_pointers, runs
+    axis : int
+        Principal axis, for messages.
+    counts : (n_slices, n_scanlines, 2) ndarray of uint32
+        Runs and voxels of each scanline, in the order of the runs.
+    runs : (n_runs,) ndarray
         As in RunLengthVolume.
-    stored : int
-        Number of the stored voxels, which ``check_records`` or ``check_scalars`` checks.
-
-    Returns
-    -------
-    (n_slices, n_scanlines) ndarray of int64
-        ``RunLengthVolume.scanline_data_pointers``.
-
-    Raises
-    ------
-    RleSplatError
-        If a table is not as RunLengthVolume describes it.
+    width : int
+        Voxels of a scanline.
     """
-    _check_form(axis, shape_xyz, scanline_pointers, data_pointers, runs)
-    width = shape_xyz[AXES[axis][0]]
-    starts = scanline_pointers[scanline_pointers >= 0].astype(np.int64)
-    if scanline_pointers.size and scanline_pointers.min() < -1:
-        raise _table_error(axis, "a scanline pointer is below -1")
-    if len(starts) == 0:
-        if len(runs):
-            raise _table_error(axis, "there are runs to which no scanline points")
-        voxel_counts = np.zeros(scanline_pointers.shape, dtype=np.int64)
-    else:
-        if starts[0] != 0 or (np.diff(starts) < 2).any() or starts[-1] > len(runs) - 2:
-            raise _table_error(axis, "the scanline pointers do not follow the order of the runs")
-        voxel_counts = np.zeros(scanline_pointers.shape, dtype=np.int64)
-        voxel_counts[scanline_pointers >= 0] = _visible_per_scanline(axis, starts, runs, width)
-    pointers, n_voxels = pointers_from_counts(voxel_counts)
-    if n_voxels != stored:
-        raise _table_error(axis, f"the runs hold {n_voxels} voxels, but {stored} are stored")
-    if not np.array_equal(data_pointers_from_scanlines(pointers, n_voxels), data_pointers):
-        raise _table_error(axis, "the data pointers of the slices do not match the runs")
-    return pointers
-
-
-def _visible_per_scanline(axis, starts, runs, width) -> np.ndarray:
-    """Visible voxels of each scanline that has any; ``starts`` (n,): ascending positions of their first runs."""
-    counts = np.diff(np.append(starts, len(runs)))
-    in_line = np.arange(len(runs), dtype=np.int64) - np.repeat(starts, counts)
-    if (runs[in_line > 0] == 0).any():
-        raise _table_error(axis, "a run other than the first of a scanline has length zero")
-    if (np.add.reduceat(runs, starts, dtype=np.int64) != width).any():
-        raise _table_error(axis, f"the runs of a scanline do not sum to its {width} voxels")
-    return np.add.reduceat(np.where(in_line % 2 == 1, runs, 0), starts, dtype=np.int64)
-
-
-def _check_form(axis, shape_xyz, scanline_pointers, data_pointers, runs) -> None:
-    """Check types, dimensions and sizes of the tables that state where voxels are."""
-    _, n_scanlines, n_slices = (shape_xyz[i] for i in AXES[axis])
-    if scanline_pointers.dtype not in POINTER_TYPES or scanline_pointers.shape != (n_slices, n_scanlines):
-        raise _table_error(axis, f"the scanline pointers are not {n_slices} x {n_scanlines} integers")
-    if data_pointers.dtype != np.int64 or data_pointers.shape != (n_slices + 1,):
-        raise _table_error(axis, f"the data pointers are not {n_slices + 1} integers")
-    if runs.dtype != run_type(shape_xyz) or runs.ndim != 1:
-        raise _table_error(axis, "the runs do not have the type that this shape needs")
+    of_runs, of_voxels = counts.reshape(-1, 2).astype(np.int64).T
+    filled = of_runs > 0
+    lengths, visible = of_runs[filled], np.zeros(len(of_runs), np.int64)
+    if lengths.sum() != len(runs) or (lengths < 2).any():
+        raise _table_error(axis, "the counts of runs do not fit the runs")
+    if len(runs):
+        starts = np.cumsum(lengths) - lengths
+        in_line = np.arange(len(runs)) - np.repeat(starts, lengths)
+        if (runs[in_line > 0] == 0).any():
+            raise _table_error(axis, "a run other than the first of a scanline has length zero")
+        if (np.add.reduceat(runs, starts, dtype=np.int64) != width).any():
+            raise _table_error(axis, f"the runs of a scanline do not sum to its {width} voxels")
+        visible[filled] = np.add.reduceat(np.where(in_line % 2 == 1, runs, 0), starts, dtype=np.int64)
+    if not np.array_equal(visible, of_voxels):
+        raise _table_error(axis, "the counts of voxels do not fit the runs")
 
 
 def check_records(axis, voxel_data, decoding) -> None:
-    """Check type and size of the voxel data, and that they are finite and not negative."""
-    kinds = {np.dtype(kind): (WORDS[record], record) for record, kind in TYPES.items()}
-    words, record = kinds.get(voxel_data.dtype, (None, None))
-    if words is None or voxel_data.shape[1:] != words or voxel_data.ndim != 1 + len(words):
-        raise _table_error(axis, "the voxel data are neither rows of four float32 numbers nor records of 8 bytes")
-    if not voxel_data.flags.c_contiguous:
-        raise _table_error(axis, "a table is not contiguous in memory")
-    if record == 16:
-        numbers = voxel_data
-        if decoding is not None:
-            raise _table_error(axis, "its voxel data have scales, and are not codes")
-    else:
-        numbers = decoding
-        if decoding is None or decoding.dtype != np.float32 or decoding.shape != (SCALES,):
-            raise _table_error(axis, "the scales of the voxel data are missing or of the wrong type or size")
+    """Check that the voxel data have scales if they are codes, and are finite and not negative."""
+    is_coded = record_bytes(voxel_data) != 16
+    if is_coded != (decoding is not None) or (is_coded and (decoding.dtype, decoding.shape) != (np.float32, (SCALES,))):
+        raise _table_error(axis, "the scales of the voxel data do not fit its records")
+    numbers = decoding if is_coded else voxel_data
     # One pass each and no copy: NaN fails both comparisons. Codes are valid whatever their bits.
     if numbers.size and not (numbers.min() >= 0.0 and numbers.max() <= MOST):
         raise _table_error(axis, "the voxel data hold a value that is negative, not finite or too large")

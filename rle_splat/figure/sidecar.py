@@ -38,7 +38,6 @@ FORMAT, VERSION = "rle-splat figure", 1
 AS_MADE = "figure"  # name of a quality whose knobs are those of a sidecar
 PACKAGES = ("numpy", "numba")
 OF_THE_MACHINE = ("threads",)  # knobs that no bit depends on
-ANOTHER_LIGHT = "The figure was made with an earlier model of light, so that its surfaces look different now."
 NOT_HELD = ("volume", "background", "reasons_off")  # fields of a scene that are elsewhere, or without effect
 NEEDED = ("transfer_function", "camera", "width", "height")
 # Field of a scene -> from JSON to its value.
@@ -228,18 +227,10 @@ def version_remarks(sidecar: Sidecar) -> list[str]:
     made = given if isinstance(given, dict) else {}
     panels = sidecar.content["panels"]
     removed = [sentence for entry in panels for sentence in without_removed(entry["quality"])[1]]
-    if sidecar.content.get("light") != LIGHT_MODEL and any(map(_is_lit, panels)):
-        removed.append(ANOTHER_LIGHT)
     return [*dict.fromkeys(removed)] + [
         f"The figure was made with {name} {made[name]}, and this is {name} {now[name]}; its bits may differ."
         for name in now if name in made and made[name] != now[name]
     ]  # fmt: skip
-
-
-def _is_lit(panel: dict) -> bool:
-    """Whether the light of samples counts in a panel."""
-    function = panel["scene"].get("transfer_function")
-    return panel["quality"].get("classification") == "post" and bool(dict(function or {}).get("shade"))
 
 
 def same_bits(sidecar: Sidecar, renderings) -> bool:

@@ -90,27 +90,7 @@ def encode_folder(scene: Scene, path, quality: Quality | None = None, axes=tuple
 
 
 def encode_folder_steps(scene: Scene, quality: Quality, path, axes=tuple(AXES), source: str = ""):
-    """Generator of Progress: encode a scene into a folder of tables; return its report.
-
-    Parameters
-    ----------
-    scene : Scene
-        Its volume may be mapped from a file.
-    quality : Quality
-        Its classification (pre or post), model, record and threads count.
-    path : str or Path
-        The folder.
-    axes : sequence of int
-        Principal axes that pictures can be made along.
-    source : str
-        Name of the file that the volume was read from.
-
-    Raises
-    ------
-    RleSplatError
-        If the scene needs all voxels at once (shadows, labels, channels), one plane does not fit into
-        memory, or the folder cannot be written. Nothing is left behind then.
-    """
+    """Generator of Progress: as ``encode_folder``."""
     with FolderWriter(path) as writer:
         return (yield from write_folder_steps(scene, quality, writer, axes, source))
 

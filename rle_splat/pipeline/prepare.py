@@ -148,7 +148,7 @@ def prepare_steps():
         Where numba cannot be loaded, or no kernel can be kept on disk.
     """
     jit.need_kernels("The preparation")
-    if not _can_be_kept():
+    if not jit.KERNELS.parent.is_dir():
         raise RleSplatError(NOT_KEPT)
     whole = sum(picture.seconds(stored) for picture in PICTURES for stored in STORED_TYPES)
     done, prepared = 0.0, []
@@ -163,10 +163,6 @@ def prepare_steps():
             prepared.append(PreparedPart(name, perf_counter() - began, tuple(new)))
     yield Progress(1.0, "Done")
     return prepared
-
-
-def _can_be_kept() -> bool:
-    return jit.KERNELS.parent.is_dir()
 
 
 def _on_disk() -> set[Path]:

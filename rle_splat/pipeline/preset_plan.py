@@ -146,9 +146,7 @@ def hold_plan(quality: Quality, plan: dict) -> Quality:
 def hold_plan_of(scene: Scene, quality: Quality, cache: StageCache | None = None) -> Quality:
     """``hold_plan``, from the scene of a picture that need not be rendered."""
     source = choose_plan(choose_source(scene, quality), StageCache(0) if cache is None else cache)
-    if source.plan["expected"] is None or source.quality.classification != quality.classification:
-        return quality
-    return replace(quality, held=True, **{knob: getattr(source.quality, knob) for knob in PRESET_KNOBS})
+    return hold_plan(quality, {**vars(source.quality), **source.plan})
 
 
 def _explain_no_choice(scene: Scene) -> str:

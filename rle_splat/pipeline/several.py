@@ -111,7 +111,8 @@ class _Layer:
             for n in inside:
                 of_span = replace(self._scenes[n], crop=self._shared)
                 if span is not None:
-                    of_span = replace(of_span, camera=_clip_between(of_span.camera, span))
+                    near, far = map(float, span)
+                    of_span = replace(of_span, camera=change(of_span.camera, clip_start=near, clip_end=far))
                 made.append((yield from make(of_span, n)))
             found, is_mixture = made[0], len(made) > 1
             if is_mixture:
@@ -236,11 +237,6 @@ def _depths(scene: Scene) -> np.ndarray:
     """(8,) float64 planar depths of the corners of a volume's box, ascending."""
     row = depth_row(scene.camera)
     return np.sort(_box(scene) @ row[:3] + row[3])
-
-
-def _clip_between(camera, span):
-    """The camera with other clip distances."""
-    return change(camera, clip_start=float(span[0]), clip_end=float(span[1]))
 
 
 def _mix(*made: tuple, span) -> tuple[np.ndarray, np.ndarray]:

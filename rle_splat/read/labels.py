@@ -14,6 +14,7 @@ from ..volume.regrid import on_grid_steps
 from ..volume.volume import NamedLabel, Volume, range_steps
 from .dicom.reader import read_dicom_steps
 from .formats import RAW, format_of, read_steps
+from .streaming import convert_steps
 
 TEXT_SUFFIXES = (".txt", ".label")
 MOST_TEXT = 1 << 20  # bytes of a file of names
@@ -29,6 +30,8 @@ def read_labels(path, volume: Volume, frame: int = 1) -> Volume:
     Parameters
     ----------
     path : str or Path
+        A file of a known format, or a folder of masks. A raw file is read with the shape of the volume, and an
+        RTSTRUCT on its grid.
     volume : Volume
         The scan.
     frame : int
@@ -37,7 +40,8 @@ def read_labels(path, volume: Volume, frame: int = 1) -> Volume:
     Returns
     -------
     Volume
-        Whole numbers, for ``Labels``; ``named_labels`` has the names and colors of the file.
+        Whole numbers, for ``Labels``, with the frames of the file. ``named_labels`` has the names and colors of the
+        file, or else those of a text file of ITK-SNAP with the same name beside it.
 
     Raises
     ------
@@ -48,27 +52,7 @@ def read_labels(path, volume: Volume, frame: int = 1) -> Volume:
 
 
 def read_label_steps(path, volume: Volume, frame: int = 1):
-    """Generator of Progress: read a label map and bring it onto the grid of a volume.
-
-    Parameters
-    ----------
-    path : str or Path
-        A file of a known format, or a folder of masks. A raw file is read with the shape of the volume, and an
-        RTSTRUCT on its grid.
-    frame : int
-        Time point, starting at 1, of a map that changes with time.
-
-    Returns
-    -------
-    Volume
-        Whole numbers, with the frames of the file. ``named_labels`` are those of the file, or else those of a text file
-        of ITK-SNAP with the same name beside it.
-
-    Raises
-    ------
-    RleSplatError
-        If the file cannot be read, or lies elsewhere than the volume.
-    """
+    """Generator of Progress: as ``read_labels``."""
     path = Path(path)
     kind = format_of(path) if path.is_file() else None
     if kind is not None and kind.read_steps is read_dicom_steps:
@@ -122,11 +106,7 @@ def _narrow_steps(labels: Volume):
     fits = [kind for kind in NARROW if np.iinfo(kind).min <= low and high <= np.iinfo(kind).max]
     if not fits:
         return labels
-    voxels = np.empty(labels.voxels.shape, dtype=fits[0])
-    for z, stored in enumerate(labels.voxels):
-        voxels[z] = stored
-        yield Progress(z / len(voxels), DOING)
-    return replace(labels, voxels=voxels)
+    return replace(labels, voxels=(yield from convert_steps(labels.voxels, fits[0], DOING)))
 
 
 def _check_numbers(low: float, high: float) -> None:

@@ -205,11 +205,11 @@ def _place(count: int, own, shared) -> tuple[tuple, tuple]:
 def _geometry(pyramid: Pyramid, level: int):
     """The affine of a level: spacing and offset along x, y, z; returns (affine, unit, remarks)."""
     names = [_short(unit) for unit in pyramid.units[-3:]]
-    known = [name for name in names if name in header.MILLIMETERS or name == "angstrom"]
+    millimeters = {**header.MILLIMETERS, "angstrom": ANGSTROM}  # in which axes of different units are all given
+    known = [name for name in names if name in millimeters]
     remarks = () if len(known) == 3 else ("The file states no unit of length for some axes; mm is assumed.",)
     unit = "mm" if len(known) < 3 or len(set(known)) > 1 or known[0] == "angstrom" else known[0]
-    # Axes of different units are all given in millimeters.
-    factors = [1.0 if name == unit or name not in known else _millimeters(name) for name in names]
+    factors = [1.0 if name == unit or name not in known else millimeters[name] for name in names]
     lengths = [scale * factor for scale, factor in zip(pyramid.scales[level][-3:], factors)]
     spacing, odd = header.sensible_spacing(lengths[::-1])
     affine = np.diag((*spacing, 1.0))
@@ -221,10 +221,6 @@ def _geometry(pyramid: Pyramid, level: int):
 def _short(unit) -> str:
     """Unit of length as the readers name it."""
     return PLURALS.get(str(unit).lower(), str(unit).lower())
-
-
-def _millimeters(unit: str) -> float:
-    return ANGSTROM if unit == "angstrom" else header.MILLIMETERS[unit]
 
 
 def _shape_of(path: Path, pyramid: Pyramid, array) -> tuple:

@@ -11,7 +11,6 @@ from ..volume.volume import Volume
 from . import streaming
 from .guess import guess_raw, layout_steps
 from .layout import (
-    CHUNK_BYTES,
     DEFAULT_COUNT_LIMIT,
     UNREADABLE,
     RawLayout,
@@ -114,16 +113,12 @@ def _gzip_steps(path, layout: RawLayout, doing: str):
     if layout.total_bytes > streaming.bytes_held(path, 0, "gzip"):  # impossible; report the true size, allocate nothing
         raise _wrong_gzip_size(path, layout)
     voxels = streaming.allocate(path, layout.shape, layout.file_dtype)
-    target = memoryview(voxels.reshape(-1).view(np.uint8))
-    scratch = memoryview(bytearray(min(CHUNK_BYTES, layout.header_bytes)))
-    done = -layout.header_bytes
     with streaming.open_stream(path, 0, "gzip") as source:
-        while done < len(target):
-            count = source.readinto(scratch[:-done] if done < 0 else target[done : done + CHUNK_BYTES])
-            if not count:
-                raise _wrong_size(path, layout, layout.header_bytes + done)
-            done += count
-            yield Progress(max(0.0, done / len(target)), doing)
+        try:
+            yield from streaming.skip_steps(path, source, layout.header_bytes, doing)
+            yield from streaming.fill_steps(path, source, voxels, doing)
+        except streaming.EndsEarly:
+            raise _wrong_gzip_size(path, layout) from None
         if source.readinto(memoryview(bytearray(1))):
             raise _wrong_gzip_size(path, layout)
     return (yield from streaming.storable_steps(voxels, doing))

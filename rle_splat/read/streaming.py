@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from ..runtime.memory import bytes_text, refuse_beyond
-from ..runtime.steps import Progress, rescale
+from ..runtime.steps import Progress, map_steps, rescale
 from ..scene import RleSplatError
 from ..volume.volume import STORED_TYPES
 from .format import GZIP_MAGIC, GZIP_WINDOW
@@ -173,17 +173,9 @@ def fill_steps(path, source, target: np.ndarray, doing: str):
 
 def skip_steps(path, source, count: int, doing: str):
     """Generator of Progress: read ``count`` bytes of a packed source and drop them."""
-    scratch = memoryview(bytearray(CHUNK_BYTES))
-    skipped = 0
-    while skipped < count:
-        try:
-            got = source.readinto(scratch[: min(CHUNK_BYTES, count - skipped)])
-        except EOFError:
-            got = 0
-        if not got:
-            raise breaks_off(path, 0, count)
-        skipped += got
-        yield Progress(0.0, doing)
+    scratch = np.empty(min(count, CHUNK_BYTES), np.uint8)
+    for left in range(count, 0, -CHUNK_BYTES):
+        yield from map_steps(fill_steps(path, source, scratch[:left], doing), lambda _: Progress(0.0, doing))
 
 
 def bytes_steps(path, count: int, packing: str | None = None):
@@ -324,13 +316,13 @@ def storable_steps(voxels: np.ndarray, doing: str):
         for plane in voxels:
             fits = fits and bounds.min <= plane.min() and plane.max() <= bounds.max
             yield Progress(1.0, doing)
-        return (yield from _convert_steps(voxels, np.int32 if fits else np.float64, doing))
+        return (yield from convert_steps(voxels, np.int32 if fits else np.float64, doing))
     if voxels.dtype == np.float16:
-        return (yield from _convert_steps(voxels, np.float32, doing))
+        return (yield from convert_steps(voxels, np.float32, doing))
     return voxels
 
 
-def _convert_steps(voxels: np.ndarray, dtype, doing: str):
+def convert_steps(voxels: np.ndarray, dtype, doing: str):
     """Generator of Progress: the voxels in another type, plane by plane."""
     needed = voxels.size * np.dtype(dtype).itemsize
     refuse_beyond(needed, "A copy of the voxels in another type needs", "crop or downsample the volume")

@@ -43,7 +43,7 @@ DEFAULT_CLASSIFICATION = "post"
 # classification is the first, because the one that is used instead can change the others.
 REMOVED_VALUES = {"classification": {"refined": "post"}, "minification": {"pool": "widen"}, "record": {6: 8, 4: 8}}
 REMOVED_FIELDS = ("refinement", "backend")  # in files of earlier versions; they are left out without a word
-# The end of a sentence on --backend, and on Blender's setting of this name.
+# The end of a sentence on Blender's setting of this name.
 REMOVED_BACKEND = "was removed; numba is used where it can be loaded, and numpy elsewhere"
 # The only values that the classification "post" supports; "pre" offers others too.
 POST_ONLY = {"kernel": "tent", "model": "extinction", "minification": "off", "length_correction": True, "record": 16}

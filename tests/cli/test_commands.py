@@ -193,7 +193,7 @@ def test_a_classification_that_was_removed_is_replaced_and_a_sentence_says_so(
     """By every command that takes it; the same knobs have the same picture."""
     sentence = "The classification 'refined' was removed; 'post' is used instead."
     expected, _ = picture("--quality", "draft")
-    found, report = picture("--quality", "draft", "--classification", "refined", "--refinement", "3")
+    found, report = picture("--quality", "draft", "--classification", "refined")
     assert np.array_equal(found, expected) and report["plan"]["classification"] == "post"
     assert report["remarks"].count(sentence) == 1
     short = picture("--classification", "refined", "--record", "8", "--kernel", "bspline3")[1]
@@ -206,25 +206,6 @@ def test_a_classification_that_was_removed_is_replaced_and_a_sentence_says_so(
         ("render", *words, "--size", "16", "--tolerance", "9"), ("figure", *words, "--width-cm", "2", "--dpi", "60"),
         ("accuracy", *words, "--size", "16", "--repeats", "1", "--probes", "20"),
     ):  # fmt: skip
-        done = call(*command)
-        assert done.code == 0 and done.err == "" and done.out.count(sentence) == 1, done
-    assert "--refinement has no effect" in refused(
-        "render", *words[:-4], "--classification", "pre", *words[-2:], "--refinement", "3"
-    )
-
-
-def test_the_removed_backend_is_accepted_and_a_sentence_says_so(call, picture, raw, raw_options, tmp_path):
-    sentence = "The option --backend was removed; numba is used where it can be loaded, and numpy elsewhere."
-    expected, report = picture()
-    found, its_report = picture("--backend", "numpy")
-    assert np.array_equal(found, expected) and its_report["plan"]["backend"] == report["plan"]["backend"]
-    assert its_report["remarks"].count(sentence) == 1 and sentence not in report["remarks"]
-    words = (raw, *raw_options, "--backend", "auto")
-    for command in (
-        ("encode", *words, "-o", tmp_path / "x.rle"),
-        ("figure", *words, "-o", tmp_path / "x.png", "--width-cm", "2", "--dpi", "60"),
-        ("accuracy", *words, "--size", "16", "--repeats", "1", "--probes", "20"),
-    ):
         done = call(*command)
         assert done.code == 0 and done.err == "" and done.out.count(sentence) == 1, done
 

@@ -184,19 +184,6 @@ def test_another_version_is_remarked(call, plain):
     assert "Its pictures differ from those of the sidecar" in result.out
 
 
-def test_another_model_of_light_is_remarked_where_something_is_lit(call, plain, tmp_path):
-    sidecar = json.loads((plain / SIDECAR).read_text())
-    function, said = sidecar["panels"][0]["scene"]["transfer_function"], "with an earlier model of light"
-    shiny = {"ambient": 0.3, "diffuse": 0.7, "specular": 0.2, "shininess": 20}
-    for light, shade, count in ((True, shiny, 0), (False, shiny, 1), (False, None, 0)):
-        if not light:
-            sidecar.pop("light", None)
-        function["shade"] = shade
-        (plain / SIDECAR).write_text(json.dumps(sidecar))
-        result = call("figure", plain / SIDECAR, "-o", tmp_path / "b.png")
-        assert result.code == 0 and result.out.count(said) == count, result
-
-
 def test_knobs_that_were_removed(call, plain, tmp_path):
     """Sidecars of earlier versions name a refinement; where it is of no account the figure has the same bits."""
     sidecar = json.loads((plain / SIDECAR).read_text())

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from benchmarks.phantoms import blobs, thin_shell
-from rle_splat.comparison import lacroute, ours, unaccelerated
-from rle_splat.comparison.decode import decode
+from rle_splat.comparison import ours
+from rle_splat.comparison.ours import decode
 from rle_splat.encode.encode import encode
-from rle_splat.encode.validate import scanline_starts
 from rle_splat.pipeline.render import render
 from rle_splat.scene import Quality
+from tests.encoded import validate
 from tests.ways import NUMPY
 
 
@@ -20,7 +20,7 @@ def test_every_voxel_visited_gives_the_same_bits(stand, perspective, model):
     scene = stand.scene(blobs((20, 23, 17), 3), 70.0, 20.0, perspective)
     quality = Quality.preset("standard", classification="pre", model=model)
     medium = stand.medium(scene, quality)
-    all_voxels = unaccelerated.prepare(medium, quality)
+    all_voxels = ours.prepare_unaccelerated(medium, quality)
     skipping = ours.prepare(medium, quality)
     np.testing.assert_array_equal(all_voxels.draw().rgba, skipping.draw().rgba)
     np.testing.assert_array_equal(skipping.draw().rgba, render(scene, quality).rgba)
@@ -33,13 +33,11 @@ def test_every_voxel_visited_gives_the_same_bits(stand, perspective, model):
 def test_tables_of_every_voxel_skip_nothing(stand, axis):
     medium = stand.medium(stand.scene(blobs((9, 7, 5), 8, width=(0.7, 1.0))))
     sparse = encode(medium.classified, medium.colors, axis)
-    dense = unaccelerated.every_voxel(sparse)
+    dense = ours.every_voxel(sparse)
     assert (dense.scanline_pointers >= 0).all() and dense.visible_voxels == 9 * 7 * 5 > sparse.visible_voxels > 0
     assert (dense.runs.reshape(-1, 2) == (0, dense.width)).all()
     np.testing.assert_array_equal(decode(dense), decode(sparse))
-    tables = dense.scanline_pointers, dense.data_pointers, dense.runs
-    derived = scanline_starts(axis, dense.shape_xyz, *tables, dense.visible_voxels)
-    np.testing.assert_array_equal(derived, dense.scanline_data_pointers)
+    validate(dense)
 
 
 def test_shear_warp_is_coarser_than_ours_and_finer_than_the_letter_of_the_paper(stand):
@@ -47,10 +45,10 @@ def test_shear_warp_is_coarser_than_ours_and_finer_than_the_letter_of_the_paper(
     true, medium = stand.truth(scene), stand.medium(scene)
     ladder = [
         stand.error(module(medium, stand.quality).draw(), true).rmse
-        for module in (ours.prepare, lacroute.prepare, ours.prepare_paper)
+        for module in (ours.prepare, ours.prepare_shear_warp, ours.prepare_paper)
     ]  # measured .19, 3.6, 5.4
     assert 5.0 * ladder[0] < ladder[1] < 0.9 * ladder[2] < 9.0
-    plan = lacroute.prepare(medium, stand.quality).draw().report["plan"]
+    plan = ours.prepare_shear_warp(medium, stand.quality).draw().report["plan"]
     assert (plan["depth_rule"], plan["sheet_density"], plan["warp_filter"]) == ("slice", 0.0, "bilinear")
     assert plan["termination"] == 0.05
 
@@ -60,5 +58,5 @@ def test_without_numba_the_engine_still_draws(stand, way):
     scene = stand.scene(blobs((9, 8, 7), 1), size=(16, 16))
     quality = Quality.preset("draft", classification="pre")
     medium = stand.medium(scene, quality)
-    for module in (ours, lacroute, unaccelerated):
-        assert module.prepare(medium, quality).draw().rgba.max() > 0.05
+    for prepare in (ours.prepare, ours.prepare_shear_warp, ours.prepare_unaccelerated):
+        assert prepare(medium, quality).draw().rgba.max() > 0.05

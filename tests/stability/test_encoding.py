@@ -15,7 +15,7 @@ from rle_splat.accuracy.truths import truth
 from rle_splat.classify.classification import classify
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.classify.visible import row_offsets
-from rle_splat.comparison.decode import decode
+from rle_splat.comparison.ours import decode
 from rle_splat.encode.encode import encode
 from rle_splat.encode.store import load_encoded, save_encoded
 from rle_splat.encode.stored import StoredVolume

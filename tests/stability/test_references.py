@@ -15,9 +15,9 @@ import pytest
 
 from rle_splat.classify.transfer_function import Shade
 from rle_splat.effects.depth_layers import REACH
-from rle_splat.encode.packing import pack
+from rle_splat.encode import encode_kernels, reference
 from rle_splat.encode.records import decoding_of, empty_records, unpack
-from rle_splat.runtime.jit import compiled
+from rle_splat.runtime.jit import compiled, run_either
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import Quality
 from rle_splat.volume.volume import Volume
@@ -94,7 +94,7 @@ def coded(numbers, channel: int, size: int):
     records[:, 3] = 1.0
     records[:, channel] = numbers
     decoding, codes = decoding_of(size, 1.0, 1.0), empty_records(size, len(numbers))
-    pack(records, decoding, codes)
+    run_either(0, encode_kernels.pack, reference.pack, records, 1.0 / decoding.astype(np.float64), codes)
     return codes.reshape(len(numbers), -1), unpack(codes, decoding)[:, channel]
 
 

@@ -241,7 +241,7 @@ def test_numbers_of_voxels_have_64_bits_where_those_of_numpy_have_32(monkeypatch
         return arange(*ends, **{"dtype": np.int32 if all(isinstance(end, int) for end in ends) else None, **options})
 
     monkeypatch.setattr(np, "arange", narrow)
-    monkeypatch.setattr(mixture, "add_channel", lambda indices, *rest, **machine: kinds.append(indices.dtype))
+    monkeypatch.setattr(mixture.kernels, "add_channel", lambda indices, *rest: kinds.append(indices.dtype))
     classified(Volume(np.ones((3, 3, 3), np.uint8), np.eye(4)), OPAQUE, None)
     assert kinds == [np.int64]
 

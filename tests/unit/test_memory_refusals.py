@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rle_splat.classify.transfer_function import TransferFunction
-from rle_splat.comparison.decode import decode
+from rle_splat.comparison.ours import decode
 from rle_splat.pipeline import memory_estimate as estimate
 from rle_splat.pipeline import quick_estimate
 from rle_splat.pipeline.encode_scene import encode

@@ -8,15 +8,16 @@ import pytest
 
 from rle_splat.classify.placing import RecordPositions
 from rle_splat.classify.transfer_function import Shade, TransferFunction
-from rle_splat.comparison.decode import decode
+from rle_splat.comparison.ours import decode
+from rle_splat.encode import encode_kernels, reference
 from rle_splat.encode.encode import encode
-from rle_splat.encode.packing import pack
 from rle_splat.encode.records import decoding_of, empty_records, unpack
 from rle_splat.encode.store import load_encoded, save_encoded
 from rle_splat.encode.stored import StoredVolume
 from rle_splat.pipeline.encode_scene import encode as encode_scene
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.scan_source import classify_and_shade
+from rle_splat.runtime.jit import run_either
 from rle_splat.runtime.steps import Clock
 from rle_splat.scene import Light, Quality, RleSplatError, Scene
 from rle_splat.shade.lighting import lighting
@@ -47,7 +48,7 @@ def random_records(n=20001, seed=3):
 def packed(records, most=(MOST_DENSITY, MOST_COLOR)):
     decoding = decoding_of(SHORT, *most)
     codes = empty_records(SHORT, len(records))
-    pack(records, decoding, codes)
+    run_either(0, encode_kernels.pack, reference.pack, records, 1.0 / decoding.astype(np.float64), codes)
     return codes, decoding
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from rle_splat.classify.classification import ClassifiedVolume
 from rle_splat.classify.visible import row_offsets
-from rle_splat.comparison.decode import decode
+from rle_splat.comparison.ours import decode
 from rle_splat.encode import store
 from rle_splat.encode.encode import encode
 from rle_splat.encode.members import HEADER

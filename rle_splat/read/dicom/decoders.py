@@ -16,7 +16,6 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
-from ...runtime import child_python
 from ..header import lacking
 from . import decode_child
 from .refusals import Refused, frame_damage_error
@@ -32,6 +31,11 @@ PACKAGES = {
     "openjpeg": ("pylibjpeg-openjpeg", "JPEG 2000 DICOM"),
     "libjpeg": ("pylibjpeg-libjpeg", "JPEG DICOM"),
 }
+
+
+# -P keeps the folder of the script, whose modules are ours, out of the names that Python imports; -s what the user has
+# installed for another Python.
+ISOLATED = "-P", "-s"
 
 
 @dataclass(frozen=True)
@@ -61,7 +65,8 @@ def decode_frames(orders, limit: int):
     """
     if not orders:
         return
-    if not child_python.is_python(sys.executable or ""):
+    # In Blender it is Blender's own Python, where it has one.
+    if not Path(sys.executable or "").stem.lower().startswith("python"):
         raise Refused(
             "Compressed DICOM files are decoded by a Python of their own, which this Blender lacks; convert the files "
             "to uncompressed ones."
@@ -104,6 +109,17 @@ def _own_folder():
             atexit.register(shutil.rmtree, folder, ignore_errors=True)
 
 
+def _environ(*packages: str) -> dict[str, str]:
+    """Environment variables of a child that imports ``packages`` from where this process has them.
+
+    Python's own variables, which Blender does not read, are left out. Packages that are not installed are, too.
+    """
+    found = [find_spec(name) for name in packages]
+    folders = dict.fromkeys(str(Path(spec.origin).parents[1]) for spec in found if spec is not None)
+    own = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
+    return {**own, "PYTHONPATH": os.pathsep.join(folders)}
+
+
 def _run(children, waiting: list, left: int):
     """Generator, as ``decode_frames``: hand out orders from the end of ``waiting`` until ``left`` came back."""
     last = time.monotonic()
@@ -142,7 +158,7 @@ class _Child:
         flags = subprocess.CREATE_NO_WINDOW if sys.platform == "win32" else 0
         with open(paths[0], "wb") as pixels, open(paths[1], "wb") as answers:
             self.process = subprocess.Popen(
-                child_python.command(decode_child.__file__), env=child_python.environ("numpy", *PACKAGES),
+                [sys.executable, *ISOLATED, decode_child.__file__], env=_environ("numpy", *PACKAGES),
                 stdin=subprocess.PIPE, stdout=pixels, stderr=answers, creationflags=flags,
             )  # fmt: skip
         self.pixels, self.reports = (open(path, "rb", buffering=0) for path in paths)

@@ -149,44 +149,21 @@ def _begins_dataset(head: bytes, order: str) -> bool:
     return len(value) > 0 and length <= LONGEST_FIRST and length % 2 == 0 and all(32 <= byte < 127 for byte in value)
 
 
-@contextmanager
-def open_file(path, syntax: str):
-    """Context manager: an iterable of None, while a deflated file is inflated, and at last of a stream.
-
-    The offsets of ``Elements`` count in that stream.
-    """
-    with Bounded(path) as stream:
-        yield _inflate(stream) if syntax in DEFLATED else (stream,)
-
-
-def _inflate(stream):
-    """Generator, as the iterable of ``open_file``."""
-    _to_dataset(stream)
-    pieces = _InflatedPieces(stream)
-    yield from pieces
-    yield pieces.stream
+def inflate(packed):
+    """Generator of None now and then: inflate the rest of a stream; returns a stream of it, at its begin."""
+    stream, inflater, waiting = io.BytesIO(), zlib.decompressobj(-zlib.MAX_WBITS), b""
+    limit = min(LARGEST_INFLATED, INFLATE_LIMIT * packed.size)
+    while not inflater.eof and (waiting or (waiting := packed.read(INFLATE_PIECE))):
+        stream.write(inflater.decompress(waiting, INFLATE_PIECE))
+        waiting = inflater.unconsumed_tail
+        if stream.tell() > limit:
+            raise ValueError("too large")
+        yield
+    stream.seek(0)
+    return stream
 
 
-class _InflatedPieces:
-    """Iterable that inflates the rest of a stream piece by piece; the result is in ``stream``."""
-
-    def __init__(self, packed):
-        self.packed, self.stream = packed, io.BytesIO()
-
-    def __iter__(self):
-        inflater = zlib.decompressobj(-zlib.MAX_WBITS)
-        limit = min(LARGEST_INFLATED, INFLATE_LIMIT * self.packed.size)
-        waiting = b""
-        while not inflater.eof and (waiting or (waiting := self.packed.read(INFLATE_PIECE))):
-            self.stream.write(inflater.decompress(waiting, INFLATE_PIECE))
-            waiting = inflater.unconsumed_tail
-            if self.stream.tell() > limit:
-                raise ValueError("too large")
-            yield
-        self.stream.seek(0)
-
-
-def _to_dataset(stream):
+def to_dataset(stream):
     """Read what comes before the dataset; the stream stays at its begin.
 
     Returns (transfer syntax, whether the file is a DICOMDIR, implicit, little_endian).
@@ -226,11 +203,9 @@ def read_elements(path: str | Path, contours: bool = False):
             return None
         with Bounded(path) as stream:
             size = stream.size
-            syntax, *facts = quietly(_to_dataset, stream)
+            syntax, *facts = quietly(to_dataset, stream)
             if syntax in DEFLATED:
-                pieces = _InflatedPieces(stream)
-                yield from pieces
-                stream = pieces.stream
+                stream = yield from inflate(stream)
             return (yield from _parse(path, stream, size, syntax, *facts, contours))
     except OSError as problem:
         raise unreadable(path, problem) from None

@@ -9,7 +9,7 @@ import numpy as np
 from ...scene import RleSplatError
 from . import stacking
 from .pictures import SEPARATORS, TIMES, ImageFrame
-from .refusals import Refused, no_positions, nothing_apart, single_picture
+from .refusals import Refused, no_positions, single_picture
 
 # Direction cosines and, relative, pixel spacings of one stack differ by at most this, and by this at a slice's edge.
 SAME_DIRECTION, PART_OF_PIXEL = 1e-3, 0.5
@@ -194,7 +194,11 @@ def _tell_apart(pictures, positions, normal, same_voxels) -> list[Group]:
     kept, more = _without_copies(pictures, place, same_voxels)
     if len(kept) == len(set(place.tolist())):
         return [Group((tuple(pictures[i] for i in kept),), remarks=_copies_remark(copies + more))]
-    return [Group((tuple(pictures),), remarks=remarks, refusal=nothing_apart(most))]
+    refusal = Refused(
+        f"This series has up to {most} different slices at one place, and nothing in its files tells them apart; "
+        "export each time point or contrast as a series of its own."
+    )
+    return [Group((tuple(pictures),), remarks=remarks, refusal=refusal)]
 
 
 def _same_object(a: ImageFrame, b: ImageFrame) -> bool:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from . import elements as read
 from .modality_table import Table, table_of
-from .refusals import Refused, breaks_off, contours_alone, damage_error, segmentation_alone
+from .refusals import Refused, breaks_off, contours_alone, damage_error
 from .stacking import axes
 from .suv import UNIT as SUV
 from .suv import Pet, pet_of
@@ -181,7 +181,9 @@ def _refuse_other_objects(found: read.Elements) -> None:
     dataset, name = found.dataset, found.path.name
     kind = read.text(dataset, "SOPClassUID")
     if is_segmentation(found):
-        raise segmentation_alone(found.path)
+        raise Refused(
+            f"{name} is a segmentation, no image; choose the series of its images, and read the file as labels."
+        )
     if is_structures(found):
         raise contours_alone(found.path)
     if found.syntax in VIDEO:

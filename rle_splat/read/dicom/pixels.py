@@ -53,12 +53,13 @@ def _native_planes(pictures, chosen):
     for numbers in by_path.values():
         storage = pictures[numbers[0]].storage
         try:
-            with read.open_file(storage.path, storage.syntax) as opening:
-                for stream in opening:
-                    if stream is None:
-                        yield None
+            with read.Bounded(storage.path) as stream:
+                inflated = stream
+                if storage.syntax in read.DEFLATED:
+                    read.to_dataset(stream)
+                    inflated = yield from read.inflate(stream)  # in which offsets count
                 for i in numbers:
-                    yield i, _native_plane(stream, storage, pictures[i].number)
+                    yield i, _native_plane(inflated, storage, pictures[i].number)
         except read.problems():
             raise damage_error(storage.path) from None
 

@@ -52,13 +52,6 @@ def no_images(folder, others: int) -> Refused:
     return Refused(f"{Path(folder).name} holds no medical images, {files}; choose the folder of the series.")
 
 
-def segmentation_alone(path) -> Refused:
-    """A DICOM SEG where images are wanted."""
-    return Refused(
-        f"{Path(path).name} is a segmentation, no image; choose the series of its images, and read the file as labels."
-    )
-
-
 def contours_alone(path) -> Refused:
     """An RTSTRUCT where images are wanted."""
     return Refused(
@@ -75,12 +68,4 @@ def no_positions() -> Refused:
     return Refused(
         "The files of this series do not say where their slices lie; give the distances between voxels (Spacing, or "
         "--spacing)."
-    )
-
-
-def nothing_apart(count: int) -> Refused:
-    """Several slices at one place that no tag tells apart."""
-    return Refused(
-        f"This series has up to {count} different slices at one place, and nothing in its files tells them apart; "
-        "export each time point or contrast as a series of its own."
     )
