@@ -45,7 +45,7 @@ CENTISECONDS, HOLD = 7, 20  # of a frame; frames for which a step stands still
 QUALITY = 84
 FONT = "/usr/share/fonts/truetype/dejavu/DejaVuSans.ttf"
 ARROW = ((0, 0), (0, 17), (4, 13), (7, 20), (10, 19), (7, 12), (12, 12))  # pixels from the mouse, down
-STEPS, DOWN = 22, 12  # of a drag; turns of the wheel to Cut
+STEPS, DOWN, FURTHER = 22, 12, 5  # of a drag; turns of the wheel to Cut, and to its lower buttons
 TOWARD = (-1.5, -1.55, 0.66)  # where the camera is, from the middle of the scan, in sizes of it
 NEARER = 0.42  # than Frame, which shows the whole box
 OPAQUE, SHIFT, GROW, SMOOTH = 0.05, -100.0, 2.0, 2.0  # mm, HU, mm, mm: thin walls are whole and opaque
@@ -150,6 +150,7 @@ def cut(volume):
     ours = volume.rle_splat
     ours.slices_follow_window, ours.slices_clear_black = False, True
     ours.slice_center, ours.slice_width = LEVEL, WINDOW
+    yield from scroll_sidebar(FURTHER)
     yield from click("bpy.ops.rle_splat.gray_on_cut", "", "Show gray values on the cut")
     yield from settled()
     yield from frame(HOLD)
