@@ -59,7 +59,7 @@ SMOOTHING = (
     (BONES, (("GROW", 4.6), ("FILL", 0.0), ("SHRINK", 4.6), ("SMOOTH", 1.6), ("LARGEST", 0.0))),
     (LEFT, (("GROW", 2.2), ("SHRINK", 2.2), ("SMOOTH", 1.6), ("LARGEST", 0.0))),
     (RIGHT, (("SMOOTH", 2.7), ("LARGEST", 0.0))),
-    (FALSE, (("LARGEST", 0.0), ("SMOOTH", 1.6))),
+    (FALSE, (("GROW", 1.6), ("LARGEST", 0.0))),
 )
 # Corners of boxes that are cut off, in mm from the middle: what is above the aorta, the right clavicle, and the ribs
 # before the aorta.

@@ -13,7 +13,7 @@ MODULES = [import_module(f".{name}", __name__) for name in (
     "objects clear_kernels reload clip_to_view add_slice drag_window use_window_tool probe own_presets "
     "choose_transfer label_rows turntable extract_surface save_figure bake_volume remove_table keep_connected "
     "threshold_segment change_segment export_segments scroll_slice four_up plain_background fit_clip show_tab "
-    "update_world_light add_letters add_names add_label add_lights gray_on_cut"
+    "update_world_light add_letters add_names add_name add_lights gray_on_cut"
 ).split()]  # fmt: skip
 CLASSES = classes_of(MODULES)
 

@@ -88,9 +88,7 @@ def lay_out(context, owner, callouts: list, edges) -> None:
     high, _, low, _ = scene.camera.data.view_frame(scene=scene)
     tall, room = high.y - low.y, 2 * int(0.95 / STEP)
     if len(callouts) > room:
-        raise RleSplatError(
-            f"{len(callouts)} names and labels are shown, and a picture has room for {room}; hide or delete some."
-        )
+        raise RleSplatError(f"{len(callouts)} names are shown, and a picture has room for {room}; hide or delete some.")
     marks = [(kind, _plain(value)) for kind, value in (one.mark for one in callouts)]
     for one in list(scene.objects):
         if one.get(MARK) == owner.name and any(kind in one and _plain(one[kind]) == of for kind, of in marks):

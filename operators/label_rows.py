@@ -8,7 +8,7 @@ from .refusal import has_editable_volume, has_segments, needs, refuse
 
 
 class RLE_SPLAT_OT_clear_labels(bpy.types.Operator):
-    """Remove the label file and its segments from the volume. The file itself stays"""
+    """Remove the segmentation file and its segments from the volume. The file itself stays"""
 
     bl_idname = "rle_splat.clear_labels"
     bl_label = "Clear Segments"
@@ -36,7 +36,7 @@ class RLE_SPLAT_OT_solo_label(bpy.types.Operator):
     bl_label = "Show Segment Alone"
     bl_options = {"REGISTER", "UNDO"}
 
-    label: IntProperty(name="Segment", description="Value of the segment's voxels in the label file")
+    label: IntProperty(name="Segment", description="Value of the segment's voxels in the segmentation file")
 
     poll = classmethod(has_segments)
 

@@ -11,7 +11,7 @@ from .refusal import has_editable_values, needs
 
 
 class RLE_SPLAT_OT_read_labels(StepwiseOperator, bpy.types.Operator):
-    """Read the segments of the label file into the list, where each has an eye, a color and an opacity"""
+    """Read the segments of the segmentation file into the list, where each has an eye, a color and an opacity"""
 
     bl_idname = "rle_splat.read_labels"
     bl_label = "Load Segments"
@@ -24,7 +24,7 @@ class RLE_SPLAT_OT_read_labels(StepwiseOperator, bpy.types.Operator):
     @classmethod
     def poll(cls, context):
         return has_editable_values(cls, context) and needs(
-            cls, volumes.volume_object(context).rle_splat.label_file, "Choose a label file first"
+            cls, volumes.volume_object(context).rle_splat.label_file, "Choose a segmentation file first"
         )
 
     def loading(self, context):

@@ -55,7 +55,7 @@ class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
     caption: StringProperty(
         name="Caption Text", description="Text of the caption. Empty describes the transfer function and the view"
     )
-    scale_bar: BoolProperty(name="Scale Bar", description="Show a length", default=True)
+    scale_bar: BoolProperty(name="Scale Bar", description="Show a scale bar", default=True)
     scale_length: FloatProperty(
         name="Length", description="Length of the scale bar in millimeters; 0 chooses a round one", min=0.0
     )

@@ -67,7 +67,7 @@ def _draw_error(context, layout) -> None:
     settings = context.scene.rle_splat
     layout.prop(settings, "use_max_error")
     if settings.use_max_error:
-        layout.prop(settings, "max_error", text="8-Bit Steps")
+        layout.prop(settings, "max_error", text="Largest Error (of 255)")
     if lost := taken_away(context.scene):
         paragraph(context, layout, f"Pictures with a Maximum Error have no {' and no '.join(lost)}.", "INFO")
 

@@ -67,7 +67,7 @@ def _draw_hidden(layout, rows) -> None:
     """The eye of what Hide Table has hidden, for a table is not all that lies beside a body."""
     if [row.label_name for row in rows] == [one.name for one in NAMES] and not rows[BACKGROUND].show:
         row = layout.row()
-        row.label(text="Hidden: beside the body")
+        row.label(text="Hidden: table or holder")
         row.prop(rows[BACKGROUND], "show", text="", icon="HIDE_ON", emboss=False)
 
 

@@ -233,7 +233,7 @@ class SceneSettings(bpy.types.PropertyGroup):
     )
     show_scale_bar: BoolProperty(
         name="Scale Bar", default=False, update=_redraw,
-        description="Show a length in 3D viewports. In perspective, it is true at the depth of the volume's "
+        description="Show a scale bar in 3D viewports. In perspective, it is true at the depth of the volume's "
         "middle")  # fmt: skip
     show_color_bar: BoolProperty(
         name="Color Bar", default=False, update=_redraw,

@@ -171,17 +171,17 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     value_high: FloatProperty(name="Largest Value", description="Largest physical value of the volume", default=1.0)
 
     label_file: StringProperty(
-        name="Label File", description=("Segmentation: a label map, a folder of masks, DICOM SEG or "
+        name="Segmentation File", description=("Segmentation: a label map, a folder of masks, DICOM SEG or "
             "RTSTRUCT. It is matched to the scan by its place in the "
             "patient"),
         subtype="FILE_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"}, update=_labels_chosen)  # fmt: skip
     labels: CollectionProperty(type=LabelProperties, name="Segments", description="Appearance of each segment")
     labels_of: StringProperty(
-        name="Segments Of", description="Name of the label file whose segments are listed", options={"HIDDEN"}
+        name="Segments Of", description="Name of the segmentation file whose segments are listed", options={"HIDDEN"}
     )
     label_frames: IntProperty(
-        name="Frames of Segments", description="Number of volumes in the label file; above 1 the segments change with "
-        "time", options={"HIDDEN"}, default=1, min=1)  # fmt: skip
+        name="Frames of Segments", description="Number of volumes in the segmentation file; above 1 the segments "
+        "change with time", options={"HIDDEN"}, default=1, min=1)  # fmt: skip
     active_label: IntProperty(
         name="Chosen Segment", description="Segment whose settings are below the list", default=0, min=0
     )
@@ -194,7 +194,7 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         description="Volumes shown together with this one, such as a PET on its CT",
     )
     clip_flipped: BoolProperty(
-        name="Flip", description="Keep the other part of the volume", set=_flip,
+        name="Keep Other Side", description="Keep the other part of the volume", set=_flip,
         get=lambda group: group.clip_keep == "OUTSIDE")  # fmt: skip
     clip_is_on: BoolProperty(
         name="Cuts",
@@ -216,8 +216,8 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         name="Kind of Slice", description="How the slice lay when it was added: axial, coronal or sagittal",
         options={"HIDDEN"})  # fmt: skip
     slice_position: FloatProperty(
-        name="Position", description="Place of the slice along the volume's axis, as the viewport names it. For "
-        "patients, in mm and in DICOM's coordinates, toward the left, back or head",
+        name="Position", description="Position of the slice along the volume's axis. For patients in mm, in "
+        "DICOM's coordinates, which grow toward the left, back and head",
         precision=1, step=100, options=set(), get=_slice_position, set=_move_slice)  # fmt: skip
     slices_follow_window: BoolProperty(
         name="Same as Volume", default=True, update=_unlink_slices,
@@ -318,7 +318,7 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         description="How far, in mm, surfaces are smoothed for light (standard deviation of a Gaussian). Removes the "
         "rings of thick slices and rounds fine edges. 0 is off")  # fmt: skip
     use_automatic_smoothness: BoolProperty(
-        name="Automatic", description="Smooth surfaces by the largest voxel spacing, at most 2 mm",
+        name="Automatic", description="Smooth surfaces for light by the largest voxel spacing, at most 2 mm",
         **switch("smoothness", -1.0, 1.0))  # fmt: skip
     two_sided: LiveBool(
         name="Two-Sided",

@@ -54,7 +54,7 @@ def _give_color(row, color) -> None:
 class LabelProperties(bpy.types.PropertyGroup):
     """The appearance of one label.  ``name`` is its number as text, because library overrides find rows by name."""
 
-    label: IntProperty(name="Number", description="Value of the segment's voxels in the label file")
+    label: IntProperty(name="Number", description="Value of the segment's voxels in the segmentation file")
     label_name: StringProperty(name="Name", description="Name of the segment")
     show: BoolProperty(name="Show", description="Show the voxels of this segment", default=True, update=evaluate_anew)
     use_color: BoolProperty(
@@ -104,7 +104,7 @@ class LabelFile(NamedTuple):
             state = file_changes.state_of(self.path)
         except OSError:
             raise RleSplatError(
-                f"The label file of {self.owner!r} is not at {self.path}; choose the file, or clear the field."
+                f"The segmentation file of {self.owner!r} is not at {self.path}; choose the file, or clear the field."
             ) from None
         return PURPOSE, self.path, self.frame, state, volume.shape_xyz, volume.affine.tobytes(), volume.space
 
@@ -169,7 +169,7 @@ def _read_steps(file: LabelFile, volume):
             raise
         grid = " x ".join(map(str, volume.shape_xyz))
         raise RleSplatError(
-            f"{file.path} does not hold one whole number for each of the volume's {grid} voxels; choose its label file."
+            f"{file.path} does not hold one whole number for each of the volume's {grid} voxels; choose another file."
         ) from problem
     yield from rescale(measure_steps(found), READING, COUNTING)
     values = yield from announce(value_steps(found), COUNTING, 1.0, "reading labels")
@@ -301,7 +301,7 @@ def check_grid(found: Volume, volume: Volume) -> None:
     if found.shape_xyz != volume.shape_xyz:
         mine, its = (" x ".join(map(str, one.shape_xyz)) for one in (volume, found))
         raise RleSplatError(
-            f"The label file has {its} voxels and the volume has {mine}; choose a label file on the same grid."
+            f"The segmentation file has {its} voxels and the volume has {mine}; choose one on the same grid."
         )
 
 

@@ -53,7 +53,12 @@ _ROWS = (
     Preset("ct-lung", "CT Lung", "CT", "airways, lungs and their vessels"),
     Preset("ct-angiography", "CT Angio", "CT", "vessels filled with contrast medium, with bone"),
     Preset("ct-heart", "CT Heart", "CT", "heart muscle and chambers filled with contrast medium"),
-    Preset("ct-coronaries", "CT Coronaries", "CT", "filled vessels in a transparent heart, dense calcium white"),
+    Preset(
+        "ct-coronaries",
+        "CT Coronaries",
+        "CT",
+        "filled vessels in a transparent heart; calcium is white above 700 HU, else colored as vessels",
+    ),
     Preset("ct-liver", "CT Liver", "CT", "a transparent liver with its veins, about 70 s after contrast medium"),
     Preset("ct-industrial", "CT Industrial", "CT", "parts of machines in gray, brighter where they are denser"),
     Preset("ct-botanical", "CT Botanical", "CT", "leaves, stems and wood of plants"),

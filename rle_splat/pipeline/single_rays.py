@@ -167,4 +167,4 @@ def describe_rays(rays: dict | None) -> list[str]:
     """A report's ``rays`` as lines for people."""
     if not rays or not rays["pixels"]:
         return []
-    return [f"{rays['pixels']:,} pixels ({percent_text(rays['share'])}) were each cast by a ray of their own."]
+    return [f"{rays['pixels']:,} pixels ({percent_text(rays['share'])}) were computed by ray casting."]

@@ -79,7 +79,7 @@ def remarks_beside(labels: Volume, frames: int) -> tuple[str, ...]:
     shown = f"the first {frames} are" if frames > 1 else "the first is"
     if count < frames:
         shown = "beyond them the last one is"
-    return *labels.remarks, f"The label file has {count} volumes and the scan {frames}; {shown} shown."
+    return *labels.remarks, f"The segmentation file has {count} volumes and the scan {frames}; {shown} shown."
 
 
 def _whole_steps(labels: Volume):
@@ -113,7 +113,7 @@ def _check_numbers(low: float, high: float) -> None:
     """RleSplatError if labels from ``low`` to ``high`` have numbers that tables of labels cannot hold."""
     if max(-low, high) > LARGEST:
         number = high if high > LARGEST else low
-        raise RleSplatError(f"The label file has the number {number:.0f}; give labels numbers below 2^31.")
+        raise RleSplatError(f"The segmentation file has the number {number:.0f}; give labels numbers below 2^31.")
 
 
 def _names_beside(path: Path) -> tuple[NamedLabel, ...]:

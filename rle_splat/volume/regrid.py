@@ -16,7 +16,7 @@ from .interpolate import interpolate
 from .volume import PATIENT, Volume, range_steps
 
 DOING = "matching {} to the volume"
-NAMES = {False: "The label file", True: "The channel"}
+NAMES = {False: "The segmentation file", True: "The channel"}
 
 
 def on_grid_steps(one: Volume, volume: Volume, values: bool = False):

@@ -61,7 +61,7 @@ def label(volume, text: str, place) -> None:
     probe = import_module(f"{MODULE}.bridge.look.probe")
     ray = probe.Ray(tuple(origin), tuple(toward))
     found = probe.look_along(bpy.context, bpy.context.evaluated_depsgraph_get(), ray, [volume])
-    assert bpy.ops.rle_splat.add_label(text=text, point=found.surface.world) == {"FINISHED"}
+    assert bpy.ops.rle_splat.add_name(text=text, point=found.surface.world) == {"FINISHED"}
 
 
 def label_lumen_and_artery(volume) -> None:

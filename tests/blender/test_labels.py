@@ -166,7 +166,7 @@ def test_an_import_shows_the_segments_beside_the_scan(size, hides, addon, tmp_pa
     nibabel.save(nibabel.Nifti1Image(labels, away), tmp_path / "ct_seg.nii.gz")
     assert bpy.ops.rle_splat.import_volume(filepath=str(tmp_path / "ct.nii.gz"), use_segments=True) == {"FINISHED"}
     assert not bpy.context.view_layer.objects.active.rle_splat.labels
-    assert "The label file lies elsewhere" in capfd.readouterr().out
+    assert "The segmentation file lies elsewhere" in capfd.readouterr().out
     (tmp_path / "ct_label.nii.gz").write_bytes((tmp_path / "ct_seg.nii.gz").read_bytes())
     assert bpy.ops.rle_splat.import_volume(filepath=str(tmp_path / "ct.nii.gz"), use_segments=True) == {"FINISHED"}
     assert not bpy.context.view_layer.objects.active.rle_splat.labels

@@ -174,14 +174,14 @@ def test_without_shown_segments_or_with_too_many_it_says_so(owner, refused, monk
 TIP, SIDE = 0.001 * np.array((24.0, 2.0, 26.0)), 0.001 * np.array((10.0, 19.0, 24.0))  # of the liver and a kidney, m
 
 
-def add_label(text: str, point) -> set:
-    return bpy.ops.rle_splat.add_label(text=text, point=tuple(point))
+def add_name(text: str, point) -> set:
+    return bpy.ops.rle_splat.add_name(text=text, point=tuple(point))
 
 
 @pytest.mark.parametrize("kind", ["PERSP", "ORTHO"])
 def test_a_label_has_a_line_to_its_point(owner, kind):
     look(kind)
-    assert add_label("  Tip of the  liver ", TIP) == {"FINISHED"}
+    assert add_name("  Tip of the  liver ", TIP) == {"FINISHED"}
     (text, (place, end)), *others = names().items()
     assert text == "Tip of the liver" and not others
     assert end == pytest.approx(seen(TIP), abs=1e-4)
@@ -193,7 +193,7 @@ def test_labels_and_names_share_the_sides_of_a_picture(owner):
     assert bpy.ops.rle_splat.add_names() == {"FINISHED"}
     before = names()
     for number in range(3):
-        assert add_label(f"Cyst {number}", SIDE) == {"FINISHED"}
+        assert add_name(f"Cyst {number}", SIDE) == {"FINISHED"}
     found = names()
     assert set(found) == {*before, "Cyst 0", "Cyst 1", "Cyst 2"}
     for text, (_, end) in before.items():
@@ -205,7 +205,7 @@ def test_labels_and_names_share_the_sides_of_a_picture(owner):
 
 def test_labels_follow_their_points_and_outlast_letters_and_names(owner):
     look()
-    assert add_label("Cyst", SIDE) == {"FINISHED"}
+    assert add_name("Cyst", SIDE) == {"FINISHED"}
     next(one for one in bpy.context.scene.objects if one.type == "FONT").data.body = "Zyste"
     owner.location.x += 0.004
     bpy.context.scene.camera.location.z += 0.01
@@ -222,11 +222,11 @@ def test_labels_follow_their_points_and_outlast_letters_and_names(owner):
 
 def test_a_label_without_a_text_or_out_of_the_picture_is_refused_and_others_stay(owner, refused):
     look()
-    assert add_label("Cyst", SIDE) == {"FINISHED"}
-    refused(bpy.ops.rle_splat.add_label, "has no text", text="  ", point=tuple(TIP))
-    refused(bpy.ops.rle_splat.add_label, "does not see the point", text="Far", point=(0.0, -9.0, 0.0))
+    assert add_name("Cyst", SIDE) == {"FINISHED"}
+    refused(bpy.ops.rle_splat.add_name, "is empty", text="  ", point=tuple(TIP))
+    refused(bpy.ops.rle_splat.add_name, "does not see the point", text="Far", point=(0.0, -9.0, 0.0))
     refused(bpy.ops.rle_splat.pick_label, "needs a click in a window")
     bpy.context.scene.camera.rotation_euler.z += math.radians(180.0)
     bpy.context.view_layer.update()
-    refused(bpy.ops.rle_splat.add_label, "does not see the point", text="Tip", point=tuple(TIP))
+    refused(bpy.ops.rle_splat.add_name, "does not see the point", text="Tip", point=tuple(TIP))
     assert {one.data.body for one in bpy.context.scene.objects if one.type == "FONT"} == {"Cyst"}

@@ -427,7 +427,7 @@ def test_labels_of_another_number_of_frames_are_said(scan, organs, sentence, tmp
     owner.rle_splat.label_file = str(tmp_path / "organs.nii.gz")
     assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
     said = capfd.readouterr().out
-    assert sentence in said and bool(sentence) == ("The label file has" in said)
+    assert sentence in said and bool(sentence) == ("The segmentation file has" in said)
     shown = []
     for frame in range(1, scan + 1):
         bpy.context.scene.frame_set(frame)

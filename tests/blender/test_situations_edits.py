@@ -131,7 +131,7 @@ EDITS = {
     "clip_to_view": (dict(through="VIEW"), None),
     "add_slice": (dict(kind="ALL"), None),
     "add_letters": ({}, None),
-    "add_label": (dict(text="Corner", point=(0.003, 0.003, 0.003)), None),
+    "add_name": (dict(text="Corner", point=(0.003, 0.003, 0.003)), None),
     "add_lights": (dict(kind="SMOKE"), None),
     "read_labels": ({}, labels),
     "solo_label": (dict(label=1), listed_labels),

@@ -269,4 +269,4 @@ def test_labels_of_another_number_of_frames_are_said(scan, organs, sentence, cal
     more = ("--frame", "3") if scan == 3 else ()
     result = call("render", tmp_path / "beat.nii.gz", "--labels", tmp_path / "organs.nii.gz", "--preset", "window",
                   "--size", "16", "-o", tmp_path / "out.png", *more)  # fmt: skip
-    assert result.code == 0 and sentence in result.out and bool(sentence) == ("The label file has" in result.out)
+    assert result.code == 0 and sentence in result.out and bool(sentence) == ("The segmentation file has" in result.out)

@@ -58,7 +58,7 @@ def test_flips_and_orders_of_axes_are_undone_exactly(flips, order):
     if (flips, order) == ((1, 1, 1), (0, 1, 2)):
         assert found is labels
     else:
-        assert found.remarks == ("The label file stores its voxels in another order; they were reordered.",)
+        assert found.remarks == ("The segmentation file stores its voxels in another order; they were reordered.",)
 
 
 def test_a_coarser_grid_gives_the_nearest_label():
@@ -122,7 +122,7 @@ def test_labels_without_a_place_are_matched_by_index_and_say_so():
     labels = labels_on(np.eye(4), SHAPE, None)
     found = drain(on_grid_steps(labels, SCAN))
     np.testing.assert_array_equal(found.voxels, labels.voxels)
-    assert "The label file does not say how it lies in the patient" in found.remarks[0]
+    assert "The segmentation file does not say how it lies in the patient" in found.remarks[0]
     bare = Volume(SCAN.voxels, np.eye(4))
     assert drain(on_grid_steps(labels, bare)) is labels
 

@@ -34,7 +34,7 @@ def data(monkeypatch, tmp_path):
 def sets() -> set[str]:
     """The names in SETS of gallery_sets.py, which needs Blender to be imported."""
     for node in ast.parse((DEVTOOLS / "gallery_sets.py").read_text(encoding="utf-8")).body:
-        if isinstance(node, ast.Assign) and node.targets[0].id == "SETS":
+        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "SETS":
             return {key.value for key in node.value.keys}
     raise AssertionError("SETS")
 

@@ -1,4 +1,4 @@
-"""Add Label: a text and a line to a point of the volume, as objects that renders show."""
+"""Add Name: a text and a line to a point of the volume, as objects that renders show."""
 
 import bpy
 import numpy as np
@@ -21,21 +21,21 @@ class RLE_SPLAT_OT_pick_label(PicksSurface, bpy.types.Operator):
     turn with the camera"""
 
     bl_idname = "rle_splat.pick_label"
-    bl_label = "Add Label"
+    bl_label = "Add Name"
     bl_options = set()
 
-    for_scripts = "This needs a click in a window; scripts use add_label with a point and a text."
+    for_scripts = "This needs a click in a window; scripts use add_name with a point and a text."
     poll = classmethod(has_volume_and_camera)
 
     def pick(self, found):
-        bpy.ops.rle_splat.add_label("INVOKE_DEFAULT", point=found.surface.world)
+        bpy.ops.rle_splat.add_name("INVOKE_DEFAULT", point=found.surface.world)
 
 
-class RLE_SPLAT_OT_add_label(LoadsFirst, bpy.types.Operator):
-    """Add a text and a line to a point of the volume, and place the other labels for the camera again"""
+class RLE_SPLAT_OT_add_name(LoadsFirst, bpy.types.Operator):
+    """Add a text and a line to a point of the volume, and place the other names for the camera again"""
 
-    bl_idname = "rle_splat.add_label"
-    bl_label = "Add Label"
+    bl_idname = "rle_splat.add_name"
+    bl_label = "Add Name"
     bl_options = {"REGISTER", "UNDO"}
 
     text: StringProperty(name="Text", description="What is written beside the picture", options={"SKIP_SAVE"})
@@ -60,7 +60,7 @@ class RLE_SPLAT_OT_add_label(LoadsFirst, bpy.types.Operator):
         owner, scene = volumes.volume_object(context), context.scene
         text = " ".join(self.text.split())
         if not text:
-            raise RleSplatError("The label has no text; type what is to stand beside the picture.")
+            raise RleSplatError("The name is empty; type what is to stand beside the picture.")
         label = place_label(text, owner, scene, owner.matrix_world.inverted() @ Vector(self.point))
         if label is None:
             raise RleSplatError("The camera does not see the point; turn it to the point, or click on another one.")
