@@ -124,7 +124,7 @@ def _name(stage: Stage, camera, body: str, place, at: tuple[float, float], coat,
 
 
 def _keep(ours, name: str, voxel: tuple[int, int, int], shift: float, *shown: str) -> None:
-    """Keep What Is Under the Mouse, of what is shown with a shift in HU; without one, that is 170 HU and more."""
+    """Keep What Is Under the Mouse, of what is shown with a shift in HU; without one, that is 160 HU and more."""
     _show(ours, "Background", *shown)
     ours.shift_by = shift
     bpy.ops.rle_splat.keep_connected(voxel=voxel)
