@@ -205,7 +205,7 @@ def text_lines(report: dict) -> list[str]:
         ("values", f"{number_text(report['range'][0])} to {number_text(report['range'][1])} ({unit})"),
         ("scaling", f"value = {number_text(report['slope'])} * stored + {number_text(report['intercept'])}"),
         ("percentiles", ", ".join(f"{p}%: {number_text(v)}" for p, v in report["percentiles"].items())),
-        ("default", f"transfer function {function['name']}: {function['reason']}"),
+        ("default", function["reason"]),
         ("visible", f"about {function['visible_fraction']:.1%} of the voxels with it"),
         ("memory", f"about {bytes_text(memory['total'])} to render {_times(options.DEFAULT_SIZE)} pixels"),
         ("", f"{bytes_text(memory['voxels'])} of it are the voxels"),

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from ..pipeline.stage_cache import StageCache
 
 ENCODED_SUFFIX = ".rle"
+CHOSEN = "classification", "depth_rule", "sheet_density", "warp_filter"  # settings that a tolerance chooses
 
 
 def add_arguments(parser) -> None:
@@ -372,7 +373,8 @@ def _say(report: dict) -> None:
     if report["error"]["tolerance"] is not None:
         error = report["error"]
         print(f"Error in 8-bit steps against the reference: {error['sentence']}.")
-        print(f"Settings: {report['plan']['name']}.")
+        chosen = (f"--{name.replace('_', '-')} {report['plan'][name]}" for name in CHOSEN)
+        print(f"Settings: {' '.join(chosen)}.")
     for line in describe_rays(report["rays"]):
         print(line)
     _say_outputs(report)
