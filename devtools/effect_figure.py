@@ -14,7 +14,7 @@ STYLE = rs.FigureStyle(
     font_size=9.0,
 )  # fmt: skip
 DIM, NIGHT = (0.15, 0.15, 0.18), (0.03, 0.03, 0.04)
-CLEAR, BEHIND = 8.0, (-1.0, 0.6, 0.8)  # mm of tissue for an opacity; the direction of a sun
+CLEAR, ASIDE = 4.0, (1.0, 1.0, 0.3)  # mm of tissue for an opacity; the direction of a sun
 APERTURE, FOCUS = 9.0, 85.0  # mm: radius of the lens, and how far before the skull's middle it is sharp
 
 
@@ -23,10 +23,9 @@ def make(brain: Path, skull: Path, bone: Path) -> rs.MadeFigure:
     folds = _scene(brain, azimuth=40, elevation=18, fit=1.0)
     lit = replace(folds, lights=(_sun(folds, (1.0, -0.4, 1.4), 3.2),), world=DIM)
     white = replace(folds, world=(1.0, 1.0, 1.0))
-    clear = replace(folds.transfer_function, opacity_unit_distance=CLEAR)
-    behind = replace(
-        folds, transfer_function=clear, lights=(_sun(folds, BEHIND, 6.0),), world=NIGHT, volume_shadows=True
-    )
+    shade = replace(folds.transfer_function.shade, ambient=0.02)
+    clear = replace(folds.transfer_function, opacity_unit_distance=CLEAR, shade=shade)
+    aside = replace(folds, transfer_function=clear, lights=(_sun(folds, ASIDE, 6.0),), world=NIGHT, volume_shadows=True)
     bones = _scene(skull, bone, azimuth=28, elevation=22, fit=1.0, perspective=True, fov=52)
     bones = replace(
         bones, labels=rs.hide_table(bones.volume, bones.transfer_function), world=(0.2, 0.2, 0.22),
@@ -36,8 +35,8 @@ def make(brain: Path, skull: Path, bone: Path) -> rs.MadeFigure:
     lens = replace(bones.camera, aperture_radius=APERTURE, focus_distance=float(distance) - FOCUS)
     panels = {
         "Shadows off": lit, "Shadows on": replace(lit, volume_shadows=True), "Ambient Occlusion 0": white,
-        "Ambient Occlusion 1": replace(white, ambient_occlusion=1.0), "Scattering 0": behind,
-        "Scattering 0.9": replace(behind, indirect_light=0.9), "Depth of Field off": bones,
+        "Ambient Occlusion 1": replace(white, ambient_occlusion=1.0), "Scattering 0": aside,
+        "Scattering 0.9": replace(aside, indirect_light=0.9), "Depth of Field off": bones,
         "Depth of Field on": replace(bones, camera=lens),
     }  # fmt: skip
     return rs.make_figure(panels.values(), panels, STYLE, rs.Quality.preset("fine"), frame=False)

@@ -128,6 +128,7 @@ def picture_and_depth(folder: Path) -> None:
         height=PYTHON,
         volume_matrix=matrix,
         labels=rs.hide_table(volume, function),
+        smooth_outlines=True,
     )
     made = rs.render(scene, rs.Quality.preset("fine"))
     seen = made.rgba[..., 3] > 0.5
@@ -168,7 +169,7 @@ def opening(folder: Path) -> None:
         cut = rs.Clip(kind="plane", matrix_world=rs.look_at(place, place + (0.0, 1.0, 0.0)))
         scene = rs.Scene(
             volume, function, camera, width=PYTHON, height=PYTHON, volume_matrix=matrix, clips=(cut,), labels=body,
-            world=(0.3, 0.3, 0.33), ambient_occlusion=1.0,
+            world=(0.3, 0.3, 0.33), ambient_occlusion=1.0, smooth_outlines=True,
         )  # fmt: skip
         made = rs.render(scene, rs.Quality.preset("fine"), cache=cache)
         frames.append(Image.fromarray(to_bytes(made.rgba, DARK)).convert("RGB"))

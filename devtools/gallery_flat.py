@@ -77,24 +77,23 @@ TUMORS = (
 )
 
 
-def _surface(stage: Stage, label: int, coat):
-    """The surface of one segment."""
+def _surface(stage: Stage, label: int):
+    """The surface of one segment, which renders do not show."""
     bpy.context.view_layer.objects.active = stage.volume
     for row in stage.volume.rle_splat.labels:
         row.show, row.look = row.label == label, "SOLID"
     bpy.ops.rle_splat.extract_surface(of="OPACITY", opacity=0.5)
     made = bpy.context.view_layer.objects.active
-    made.data.materials.clear()
-    made.data.materials.append(coat)
-    made.modifiers.new("Cage", "WIREFRAME").thickness = 1.0 * MM  # the uptake within is seen
+    made.hide_render = True
     return made
 
 
 def _contour(surface, change: Matrix, coat):
-    """The outline of a surface in the coronal plane through its middle, placed anew (Mesh > Bisect, then Convert)."""
+    """The outline from the front of a surface that is placed anew: its cut through the middle (Mesh > Bisect, then
+    Convert), before all volumes."""
     solid = bmesh.new()
     solid.from_mesh(surface.data)
-    bmesh.ops.transform(solid, matrix=surface.matrix_world, verts=solid.verts)
+    bmesh.ops.transform(solid, matrix=change @ surface.matrix_world, verts=solid.verts)
     parts = (*solid.verts, *solid.edges, *solid.faces)
     depths = [corner.co.y for corner in solid.verts]
     middle = Vector((0.0, 0.5 * (min(depths) + max(depths)), 0.0))
@@ -105,10 +104,10 @@ def _contour(surface, change: Matrix, coat):
     solid.to_mesh(outline)
     made = bpy.data.objects.new("Contour", outline)
     bpy.context.scene.collection.objects.link(made)
-    made.matrix_world = change
+    made.location.y = -0.4
     with bpy.context.temp_override(active_object=made, selected_editable_objects=[made], selected_objects=[made]):
         bpy.ops.object.convert(target="CURVE")
-    made.data.bevel_depth = 0.25 * MM
+    made.data.bevel_depth = 1.0 * MM
     made.data.materials.append(coat)
 
 
@@ -152,17 +151,19 @@ def pet(stage: Stage):
     ours, at = stage.volume.rle_splat, stage.middle
     stage.read_labels(gallery_data.DATA / "pet_seg/dicom_seg_tumour_13frames.dcm")
     coats = [shining(name, color) for _, name, color, *_ in TUMORS]
-    tumors = [_surface(stage, label, coat) for (label, *_), coat in zip(TUMORS, coats)]
+    tumors = [_surface(stage, label) for label, *_ in TUMORS]
     for row in ours.labels:
         row.show = True
     ours.display, ours.use_inverted_grays = "mip", True
     ours.window_center, ours.window_width = 0.5 * SUV, SUV
     aside = Matrix.Translation(at + MM * Vector((ASIDE, 0.0, 0.0)))
-    _duplicate((stage.volume, *tumors), aside @ Matrix.Rotation(1.5707963, 4, "Z") @ Matrix.Translation(-at))
+    aside = aside @ Matrix.Rotation(1.5707963, 4, "Z") @ Matrix.Translation(-at)
+    _duplicate((stage.volume,), aside)
     enlarged = Matrix.Translation(at + MM * NEAR) @ Matrix.Scale(LARGER, 4) @ Matrix.Translation(-at - MM * NECK)
     (neck,) = _duplicate((stage.volume,), enlarged)
     for tumor, coat in zip(tumors, coats):
-        _contour(tumor, Matrix.Translation((0.0, -0.4, 0.0)) @ enlarged, coat)  # in front of the slab
+        for change in (Matrix.Identity(4), aside, enlarged):
+            _contour(tumor, change, coat)
     bpy.context.view_layer.objects.active = neck
     bpy.ops.rle_splat.add_clip(kind="BOX", keep="INSIDE")
     box = bpy.context.view_layer.objects.active
