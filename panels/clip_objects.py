@@ -41,7 +41,7 @@ class RLE_SPLAT_PT_clip_objects(Sidebar, bpy.types.Panel):
             shows = owner is not None and gray_on_cut.shows_values(context.scene, owner)
             layout.operator("rle_splat.gray_on_cut", icon="IMAGE_DATA", depress=shows)
             if shows:
-                draw_window(layout, owner.rle_splat)
+                draw_window(context, layout, owner.rle_splat)
 
 
 def _draw_one(context, layout, one) -> None:

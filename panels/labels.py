@@ -1,4 +1,4 @@
-"""The Segments panel: the label file, and the visibility, color, name and opacity of each segment."""
+"""The Segments panel: the segmentation file, and the visibility, color, name and opacity of each segment."""
 
 import bpy
 

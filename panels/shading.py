@@ -65,7 +65,7 @@ def _draw_scene(scene, layout) -> None:
     row = column.row()
     row.active = has_shadows
     row.prop(settings, "use_shadows")
-    column.prop(settings.effect_overrides, effects.property_of(effects.SHADOWS_ON_MESHES), text="On Meshes")
+    column.prop(settings.effect_overrides, effects.property_of(effects.SHADOWS_ON_MESHES), text="Shadows on Meshes")
     for name in ("use_world", "use_mist"):
         column.prop(settings, name)
     column = layout.column(align=True)

@@ -3,10 +3,12 @@
 import bpy
 
 from ..bridge.live import slice_pictures, slice_places, slices
-from ..bridge.translations import with_unit
+from ..bridge.translations import filled, with_unit
 from ..bridge.volumes import volumes
 from ..operators.window_level import ITEMS as WINDOW_ITEMS
 from .places import Sidebar, paragraph
+
+TRUE_GRAYS = "Standard", "Raw"  # view transforms
 
 
 class RLE_SPLAT_PT_slices(Sidebar, bpy.types.Panel):
@@ -44,7 +46,7 @@ class RLE_SPLAT_PT_slices(Sidebar, bpy.types.Panel):
                 paragraph(context, layout, problem, icon="ERROR")
         owner = volumes.volume_object(context) or slices.volume_of(found[0])
         if owner is not None:
-            draw_window(layout, owner.rle_splat)
+            draw_window(context, layout, owner.rle_splat)
 
 
 def _short_name(one) -> str:
@@ -53,8 +55,8 @@ def _short_name(one) -> str:
     return one.name if owner is None else one.name.removeprefix(owner.name[: slices.LONGEST_NAME]).strip() or one.name
 
 
-def draw_window(layout, properties) -> None:
-    """Level and window of the volume's slices."""
+def draw_window(context, layout, properties) -> None:
+    """Level and window of the volume's slices, and what changes their grays in renders."""
     is_linked = properties.slices_follow_window
     unit, prefix = properties.value_unit, "slice" if not is_linked else "window"
     row = layout.row(align=True)
@@ -66,6 +68,10 @@ def draw_window(layout, properties) -> None:
     row = layout.row(align=True)
     row.prop(properties, "slices_follow_window", icon="LINKED" if is_linked else "UNLINKED", toggle=True)
     row.prop(properties, "slices_clear_black", toggle=True)
+    view = context.scene.view_settings.view_transform
+    if view not in TRUE_GRAYS:
+        said = filled("Renders change these grays: Color Management > View is {view}, not Standard", view=view)
+        paragraph(context, layout, said, "INFO")
 
 
 class RLE_SPLAT_MT_slice_windows(bpy.types.Menu):

@@ -164,7 +164,7 @@ class SceneSettings(bpy.types.PropertyGroup):
         name="Voxel Shape", description=PLAIN_TEXTS["kernel"], items=knob_items.items(tables.FOOTPRINTS),
         default=USUAL.kernel)  # fmt: skip
     minification: KnobEnum(
-        name="Anti-Aliasing", description=PLAIN_TEXTS["minification"], items=knob_items.items(tables.MINIFICATIONS),
+        name="Small Voxels", description=PLAIN_TEXTS["minification"], items=knob_items.items(tables.MINIFICATIONS),
         default=USUAL.minification)  # fmt: skip
     warp_filter: LiveEnum(
         name="Pixel Filter", description=PLAIN_TEXTS["warp_filter"], items=knob_items.items(tables.WARP_FILTERS),

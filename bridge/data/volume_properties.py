@@ -223,11 +223,11 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         name="Same as Volume", default=True, update=_unlink_slices,
         description="Let slices use the window and level of the volume's colors instead of their own")  # fmt: skip
     slice_center: LiveFloat(
-        name="Level", description="Value that slices show as middle gray", default=0.5, precision=2,
-        translation_context=OURS)  # fmt: skip
+        name="Level", description="Value that slices and gray values on cuts show as middle gray", default=0.5,
+        precision=2, translation_context=OURS)  # fmt: skip
     slice_width: LiveFloat(
-        name="Window", description="Width of the range of values that slices show from black to white", default=1.0,
-        min=1e-6, precision=2)  # fmt: skip
+        name="Window", description="Width of the range of values that slices and gray values on cuts show from black "
+        "to white", default=1.0, min=1e-6, precision=2)  # fmt: skip
     slices_clear_black: LiveBool(
         name="Transparent Black",
         default=False,

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..runtime.steps import drain
+from ..scene.checks import refuse_array
 from ..volume.histogram import Histogram, histogram_steps, percentile_steps
 from ..volume.volume import Volume
 from .presets import PRESETS, fit_preset_steps
@@ -67,6 +68,7 @@ def default_transfer_function(volume: Volume) -> tuple[TransferFunction, str]:
 
 def default_transfer_function_steps(volume: Volume):
     """Generator of fractions done, of each look at the voxels: ``default_transfer_function``."""
+    refuse_array(volume)
     spread = yield from _spread_steps(volume)
     if spread.counts.sum() == 0:
         return _ramp(0.0, 1.0), "The volume holds no finite value; there is nothing to show."

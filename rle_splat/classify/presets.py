@@ -7,6 +7,7 @@ import numpy as np
 
 from ..runtime.steps import drain
 from ..scene import RleSplatError
+from ..scene.checks import refuse_array
 from ..volume.histogram import percentile_steps
 from ..volume.hounsfield import AIR
 from ..volume.volume import Volume
@@ -142,6 +143,7 @@ def fit_preset(name: str, volume: Volume) -> tuple[TransferFunction, str | None]
 
 def fit_preset_steps(name: str, volume: Volume):
     """Generator of fractions done: ``fit_preset``."""
+    refuse_array(volume)
     function = preset(name)
     if function.unit is not None and function.unit == volume.value_unit:
         return function, None

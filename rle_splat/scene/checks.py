@@ -17,6 +17,12 @@ LEAST_LENGTH, LARGEST_LENGTH = 1e-50, 1e50
 LARGEST_SHARE = 1e6
 
 
+def refuse_array(volume) -> None:
+    """Raise RleSplatError if an array is given where a Volume is needed."""
+    if isinstance(volume, np.ndarray):
+        raise RleSplatError("The volume is an array; make a Volume of it, as in Volume(array, affine).")
+
+
 def as_float(value) -> float:
     """Convert to float64; infinity for a number too large for float64, NaN for anything that is not a number."""
     try:

@@ -21,7 +21,7 @@ class Light:
     color : (3,) sequence of float
         Scene-linear RGB.
     energy : float
-        W/m^2 for a SUN, W for other types.
+        W/m^2 for a SUN, W for other types, for world units of a meter; where these are mm, watts times 1e6.
     matrix_world : (4, 4) array_like
         Light space to world space.
     radius : float

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .camera import Camera
-from .checks import as_color, as_matrix, identity, is_finite_number, positive
+from .checks import as_color, as_matrix, identity, is_finite_number, positive, refuse_array
 from .clip import Clip
 from .display import to_bytes
 from .environment import Environment
@@ -164,6 +164,12 @@ class Scene:
     reasons_off: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self):
+        refuse_array(self.volume)
+        if isinstance(self.transfer_function, str):
+            raise RleSplatError(
+                f"The scene's transfer function must be an object, not the name {short(self.transfer_function)}; "
+                "fit_preset makes one of a name."
+            )
         for name in ("transfer_function", "camera"):  # fit_preset and turntable return them with more
             if isinstance(getattr(self, name), tuple):
                 raise RleSplatError(f"The scene's {name} must be one object, not a tuple; take the tuple's first part.")

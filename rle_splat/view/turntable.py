@@ -3,6 +3,7 @@
 import numpy as np
 
 from ..scene import Camera, RleSplatError
+from ..scene.checks import refuse_array
 from ..volume.volume import PATIENT, Volume
 
 TURN_STEPS = 72  # directions from which a turning camera is checked
@@ -47,6 +48,7 @@ def turntable(
         raise RleSplatError(f"fov must be between 0 and 180 degrees, not {fov}.")
     if not (np.isfinite(azimuth) and np.isfinite(elevation)):
         raise RleSplatError(f"azimuth and elevation must be finite numbers of degrees, not {azimuth} and {elevation}.")
+    refuse_array(volume)
     counts, spacing = np.array(volume.shape_xyz), volume.spacing
     if not (spacing > 0.0).all():
         raise RleSplatError("The volume's affine is singular: voxels have no length along one axis; correct the file.")

@@ -47,11 +47,25 @@ def test_a_list_of_lights_is_taken_as_a_tuple():
         (lambda: write_picture("out.png", None, background="white"), "three finite numbers"),
         (lambda: scene_with(labels=Volume(np.zeros((3, 4, 5), np.uint8), np.eye(4))), "a Labels object, not a Volume"),
         (lambda: scene_with(lights=Light()), "a tuple of Light objects"),
+        (lambda: Scene(np.zeros((3, 3, 3)), preset("ct-bone"), Camera()), "The volume is an array; make a Volume"),
+        (lambda: Scene(None, "ct-bone", Camera()), "not the name 'ct-bone'; fit_preset"),
         (lambda: Scene(None, (preset("ct-bone"), None), Camera()), "transfer_function must be one object, not a tuple"),
         (lambda: Scene(None, preset("ct-bone"), (Camera(), np.eye(4))), "camera must be one object, not a tuple"),
         (lambda: scene_with(channels=("pet",)), "a tuple of Channel objects"),
     ],
-    ids=["voxels", "labels", "quality", "background", "labels of a scene", "lights", "function", "camera", "channels"],
+    ids=[
+        "voxels",
+        "labels",
+        "quality",
+        "background",
+        "labels of a scene",
+        "lights",
+        "array",
+        "name",
+        "function",
+        "camera",
+        "channels",
+    ],
 )
 def test_a_value_of_another_type_gets_one_sentence(make, words):
     with pytest.raises(RleSplatError, match=words) as raised:

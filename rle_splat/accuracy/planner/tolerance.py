@@ -47,7 +47,7 @@ def render_within(
     scene: Scene, tolerance: float, quality: Quality | None = None, progress=None, cache: StageCache | None = None, *,
     probes: int = PROBES, seed: int = 0, leave_out_shadows: bool = False,
 ) -> Rendering:  # fmt: skip
-    """Render a scene with a largest error of at most ``tolerance``, in the least time.
+    """Render a scene in the least time in which its largest error is expected to stay within ``tolerance``.
 
     The error is measured at sample pixels. About half of them are random, by which at 95 % confidence up to 0.4 % of
     all pixels may exceed it; the others are where the largest errors are likely.
