@@ -39,7 +39,6 @@ SHIFT, GROW, OPAQUE = -100.0, 2.0, 0.05  # HU, mm, mm: thin walls are whole and 
 DULL = 0.0, 0.75  # specular and diffuse: a cut that faces the headlight is not burnt white
 LEVEL, WINDOW = 400.0, 1000.0  # HU, of the slice
 DARK = (0.012, 0.016, 0.024)  # of the world, from the render on
-SUN = (75.0, 0.0, -20.0)  # its rotation
 DOWN = 25  # turns of the wheel from the first panel to Cut, Slices and Render
 
 
@@ -156,10 +155,6 @@ def scenario():
     scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (*DARK, 1.0)
 
     began = time.perf_counter()
-    sun = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
-    scene.collection.objects.link(sun)
-    sun.data.energy, sun.data.angle, volume.rle_splat.lighting = 0.8, radians(15.0), "BOTH"
-    sun.rotation_euler = [radians(angle) for angle in SUN]
     bpy.context.view_layer.objects.active = volume
     look_from(62.0, -20.0, 1.85)  # a camera sees half of what a viewport does
     yield from settled()
@@ -167,6 +162,7 @@ def scenario():
     with in_the_view():
         assert bpy.ops.rle_splat.composite() == {"FINISHED"}
         assert bpy.ops.rle_splat.add_letters() == {"FINISHED"}
+        assert bpy.ops.rle_splat.add_lights(kind="SOFT") == {"FINISHED"}
     yield from settled()
     passed(f"camera, {time.perf_counter() - began:.1f} s,")
 
