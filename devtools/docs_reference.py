@@ -42,11 +42,15 @@ BLENDERS = {  # what Blender or an effect declares, by the name or the label in 
     "hide_viewport": ("Hide in Viewports", "Hide this object in viewports."),
     "hide_render": ("Hide in Renders", "Hide this object in renders."),
     "use_lock_interface": ("Lock Interface", "Lock Blender's window during renders. Without this, Blender may crash."),
-    "On Meshes": (
-        "On Meshes",
+    "Shadows on Meshes": (
+        "Shadows on Meshes",
         "Whether the volume casts shadows on meshes: where the scene needs them (*Auto*), "
         "always (*On*) or never (*Off*).",
     ),
+}
+INNER = {  # members that only the package itself uses
+    "StageCache": ("job", "has", "keeps", "contents", "make_room", "has_plenty"),
+    "StoredVolume": ("of", "stand_in", "tables_steps"),
 }
 FILE_OPTIONS_AT = "RLE_SPLAT_OT_import_volume"  # the operator that lists the options of a file for all
 GROUPS = {  # a property group -> how a script reaches it
@@ -165,6 +169,8 @@ def _members(cls) -> list[tuple[str, str]]:
     rows = []
     for name, member in vars(cls).items():
         function = getattr(member, "__func__", member)
+        if name in INNER.get(cls.__name__, ()):
+            continue
         if not name.startswith("_") and (callable(function) or hasattr(member, "fget")) and inspect.getdoc(member):
             typed = name + (_parameters(getattr(cls, name)) if callable(function) else "")
             rows.append((f"`{typed}`", _in_a_cell(inspect.getdoc(member) or "")))
