@@ -132,7 +132,7 @@ def _widen(edges, owner, scene, frame, ends) -> tuple[float, float]:
     """
     points = [one.matrix_world.translation for one in _letters_of(owner, scene) if one.data.body in letters.LETTERS]
     for one in slices.slice_objects(scene):
-        if slices.volume_of(one) == owner and not one.hide_render:
+        if slices.volume_of(one) == owner and not (one.hide_render or slices.is_on_cut(one)):
             points += (one.matrix_world @ Vector(corner) for corner in one.bound_box)
     across = [in_picture(point, scene, frame).x for point in points]
     across = [x for x in across if ends[0] < x < ends[1]]

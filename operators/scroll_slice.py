@@ -4,7 +4,7 @@ import bpy
 from bpy.props import IntProperty
 
 from ..bridge import linked
-from ..bridge.live import slice_places
+from ..bridge.live import slice_places, slices
 from ..bridge.loop import index
 from .refusal import needs, refuse
 
@@ -29,7 +29,7 @@ class RLE_SPLAT_OT_scroll_slice(bpy.types.Operator):
         if context.region is None or context.region_data is None:
             return self.execute(context)
         one = slice_places.under(context, (event.mouse_region_x, event.mouse_region_y))
-        if one is None or not linked.is_own(one):
+        if one is None or not linked.is_own(one) or slices.is_on_cut(one):
             return {"PASS_THROUGH"}  # to zoom
         return {"FINISHED"} if slice_places.scroll(one, self.layers) else {"CANCELLED"}
 

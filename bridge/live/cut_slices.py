@@ -33,8 +33,8 @@ def add_slices(context, owner, cut) -> list:
     wide = np.ones(4)
     if kind == "plane":
         corners = box.checked_corners(owner)
-        radius = 0.5 * np.linalg.norm(corners[-1] - corners[0])
-        wide[:2] = np.maximum(radius / np.linalg.norm(to_world[:3, :2], axis=0), 1.0)
+        radius, halves = 0.5 * np.linalg.norm(corners[-1] - corners[0]), np.linalg.norm(to_world[:3, :2], axis=0)
+        wide[:2] = np.maximum(radius / np.where(halves > 0.0, halves, 1.0), 1.0)  # 0: scaled to nothing
     found = []
     for face in face_matrices(kind):
         one = slices.new_slice(context, f"{cut.name} Values", slices.ON_CUT)
@@ -77,6 +77,6 @@ def remove(one) -> None:
 
 def remove_lost() -> None:
     """Timer function: remove the slices that are lost."""
-    for one in [one for scene in bpy.data.scenes for one in slices.slice_objects(scene)]:
+    for one in {one for scene in bpy.data.scenes for one in slices.slice_objects(scene)}:
         if is_lost(one) and linked.is_own(one):
             remove(one)

@@ -32,7 +32,8 @@ def faced_slice(context):
     if view is None or view.is_perspective or not len(context.space_data.region_quadviews):
         return None
     ahead = view.view_rotation @ Vector((0.0, 0.0, 1.0))
-    return next((one for one in visible_slices(context) if abs(ahead.dot(_normal(one))) > FACING), None)
+    found = (one for one in visible_slices(context) if not slices.is_on_cut(one))
+    return next((one for one in found if abs(ahead.dot(_normal(one))) > FACING), None)
 
 
 def _normal(one) -> Vector:
