@@ -153,7 +153,7 @@ def _show(ours, *shown: str) -> None:
 
 
 def heart(stage: Stage):
-    """Right and left heart of a patient with their vessels, told apart by the density of the contrast medium, the false
+    """Right and left heart of a patient with their vessels, separated by the density of contrast medium, the false
     lumen of the aorta and bones, on an axial slice of the same scan."""
     stage.read_labels(gallery_data.DATA / "cta_aorta_labels/labels_true_false_lumen_uint8.nii.gz")
     ours = stage.volume.rle_splat

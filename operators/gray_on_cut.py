@@ -1,5 +1,7 @@
 """Gray Values on Cut: show the volume's values where it is cut, or no longer."""
 
+from itertools import chain
+
 import bpy
 
 from ..bridge import linked
@@ -39,18 +41,16 @@ class RLE_SPLAT_OT_gray_on_cut(LoadsFirst, bpy.types.Operator):
     @refuses
     def execute(self, context):
         scene, owner = context.scene, volumes.volume_object(context)
-        is_on = shows_values(scene, owner)
+        cuts = {cut: cut_slices.slices_of(scene, cut) for cut in own_cuts(scene, owner)}
+        if all(cuts.values()):
+            for one in chain(*cuts.values()):
+                cut_slices.remove(one)
+            return {"FINISHED"}
         slice_window.begin(owner.rle_splat, volumes.load_volume(owner))
-        for cut in own_cuts(scene, owner):
-            found = cut_slices.slices_of(scene, cut)
-            if is_on:
-                for one in found:
-                    cut_slices.remove(one)
-            elif not found:
-                cut_slices.add_slices(context, owner, cut)
-        if not is_on:
-            context.view_layer.update()
-            scene.render.use_lock_interface = True  # renders write pixels that viewports draw
-            viewports.show_textures(context.window)
-            slice_pictures.update(scene, context.evaluated_depsgraph_get(), may_wait=False)
+        for cut in [cut for cut, found in cuts.items() if not found]:
+            cut_slices.add_slices(context, owner, cut)
+        context.view_layer.update()
+        scene.render.use_lock_interface = True  # renders write pixels that viewports draw
+        viewports.show_textures(context.window)
+        slice_pictures.update(scene, context.evaluated_depsgraph_get(), may_wait=False)
         return {"FINISHED"}

@@ -128,7 +128,7 @@ def _update(scene, one, depsgraph, most: int | None, late: int) -> bool:
     try:
         volume, matrix, look = slices.content(one, depsgraph, late)
         full, size = (slices.size_of(volume, matrix, look, limit) for limit in (None, most))
-        shows = volume.key, matrix.tobytes(), look
+        shows = volume.key, matrix.tobytes(), look.key
         if _shown.get(uid) == shows and (uid not in _drafts or size != full):
             return False
         work.drop(work.SLICES)
@@ -190,7 +190,7 @@ def _full_steps(uid, held: Held):
         depsgraph = window.view_layer.depsgraph
         if one is not None and depsgraph is not None and one.name in window.view_layer.objects:
             volume, matrix, seen = slices.content(one, depsgraph, work.late(depsgraph))
-            if _shown.get(uid) == (volume.key, matrix.tobytes(), seen):
+            if _shown.get(uid) == (volume.key, matrix.tobytes(), seen.key):
                 yield from _picture_steps(one, depsgraph, slices.size_of(volume, matrix, seen), volume, matrix, seen)
                 one.rle_splat.slice_image.update_tag()
             break

@@ -5,6 +5,7 @@ the pixels of ``slice_image`` and is transparent where these are, which is outsi
 32-bit floats, scene-linear: with the view transform Standard a screen shows the gray levels of the window themselves.
 """
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import bpy
@@ -40,6 +41,11 @@ class Look(NamedTuple):
     high: float
     clears: bool
     face: CutFace | None
+
+    @property
+    def key(self):
+        """What equals it, without the labels, so that what is recorded does not keep these in memory."""
+        return self._replace(face=self.face and replace(self.face, labels=None))
 
 
 def slice_objects(scene) -> list:
@@ -258,7 +264,7 @@ def opaque_part(values: np.ndarray, share: np.ndarray, look: Look) -> np.ndarray
 
 def opaque_key(volume, matrix: np.ndarray, look: Look) -> tuple:
     """The key in the store of ``opaque_part``, from what ``content`` returns."""
-    return "opaque", volume.key, matrix.tobytes(), look
+    return "opaque", volume.key, matrix.tobytes(), look.key
 
 
 def is_whole(look: Look) -> bool:

@@ -170,12 +170,13 @@ def _visible_share(values: np.ndarray, shown) -> np.ndarray:
     """How much of each pixel has values in some intervals, by the distance to their ends and the gradient there."""
     if not shown:
         return np.zeros(values.shape)
-    values = np.nan_to_num(values, nan=shown[0][0] - 1.0)
+    finite = np.isfinite(values)
+    values = np.where(finite, values, 0.0)
     span = max(float(np.ptp(values)), 1e-30)
     depth = np.max([np.minimum(np.clip(values - low, -span, span), np.clip(high - values, -span, span))
                     for low, high in shown], axis=0)  # fmt: skip
     slope = np.hypot(*np.gradient(depth)) if min(values.shape) > 1 else np.zeros(values.shape)
-    return np.clip(0.5 + depth / np.maximum(slope, 1e-9 * span), 0.0, 1.0)
+    return np.where(finite, np.clip(0.5 + depth / np.maximum(slope, 1e-9 * span), 0.0, 1.0), 0.0)
 
 
 def _enclosed(shown: np.ndarray) -> np.ndarray:

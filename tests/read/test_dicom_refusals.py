@@ -1,4 +1,4 @@
-"""Pictures that make no volume, beside those of ``bad_files.BAD``: each is refused in one sentence, which names no
+"""Pictures that make no volume, beside those of ``bad_files.BAD``: each gets one sentence, which names no
 patient."""
 
 from pathlib import Path

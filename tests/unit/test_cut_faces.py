@@ -93,6 +93,14 @@ def test_labels_show_other_values_or_nothing(ball):
     assert area(share(ball, plane(), inner)) == pytest.approx(both, rel=0.005)
 
 
+def test_a_value_that_is_no_number_is_not_shown(ball):
+    voxels = ball.voxels.copy()
+    voxels[:, :, N // 2 :] = np.nan
+    everything = CutFace(((-INF, INF),))
+    found = share(Volume(voxels, np.eye(4)), plane(), everything, is_filled=False)
+    assert np.isfinite(found).all() and found[:, :58].min() == 1.0 and found[:, 62:].max() == 0.0
+
+
 def test_nothing_visible_shows_nothing(ball):
     assert not share(ball, plane(), CutFace(())).any()
     assert not share(ball, plane(middle=(0.0, 0.0, 100.0)), CutFace(OUTER)).any()  # beside the volume
