@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import bpy
 from gallery_data import DATA
-from gallery_studio import Stage, softbox_world, view_transform
+from gallery_studio import Stage, view_transform
 from mathutils import Matrix
 
 SKULL, HEAD = "dicom_ct_skull_phantom_512x512x140", "t1_head_188x256x190_uint8.nii.gz"
@@ -33,7 +33,7 @@ class Recipe:
 
     name: str
     file: str
-    light: str  # kind of Add Lights, or STUDIO
+    light: str  # kind of Add Lights
     options: dict = field(default_factory=dict)
     volume: dict = field(default_factory=dict)
     toward: tuple = (0.55, -1.9, 0.35)
@@ -42,10 +42,18 @@ class Recipe:
     turn: float = 0.0  # radians about Z
 
 
-STUDIO = "STUDIO"  # a world of nodes in place of lights
-SOFTBOXES = (((-1.1, -0.85, 1.2), 16.0, (26.0, 24.0, 22.0)), ((1.2, 0.9, 0.5), 16.0, (20.0, 27.0, 36.0)))
 OPAQUE = {"opacity_unit_distance": 0.05, "smoothness": 2.0, "shift_by": -100.0}  # mm, mm, HU: thin bone is whole
 RECIPES = (
+    Recipe(
+        "three lights",
+        AORTA,
+        "THREE",
+        {"preset": "ct-angiography"},
+        {"smoothness": 3.0},
+        toward=(0.0, -1.95, 0.3),
+        turn=-1.0,
+        lens=57.0,
+    ),
     Recipe(
         "bone",
         SKULL,
@@ -56,16 +64,6 @@ RECIPES = (
         lens=72.0,
     ),
     Recipe("soft", BRAIN, "SOFT", {"preset": "mr-brain"}, lens=84.0),
-    Recipe(
-        "studio",
-        AORTA,
-        STUDIO,
-        {"preset": "ct-angiography"},
-        {"smoothness": 3.0},
-        toward=(0.0, -1.95, 0.3),
-        turn=-1.0,
-        lens=57.0,
-    ),
     Recipe(
         "skin",
         HEAD,
@@ -92,11 +90,6 @@ RECIPES = (
         lens=64.0,
     ),
 )
-
-
-def _light_studio(stage: Stage) -> None:
-    softbox_world(((0.002, 0.002, 0.002), (0.006, 0.0065, 0.0075), (0.03, 0.033, 0.04)), SOFTBOXES)
-    stage.volume.rle_splat.lighting, stage.settings.ambient_occlusion = "SCENE", 1.0
 
 
 def _without_holder() -> None:
@@ -160,10 +153,7 @@ def light(stage: Stage):
         made.camera(recipe.toward, recipe.lens, recipe.aim)
         stage.volume = volume
         yield f"{recipe.name}-before"
-        if recipe.light == STUDIO:
-            _light_studio(stage)
-        else:
-            bpy.ops.rle_splat.add_lights(kind=recipe.light)
+        bpy.ops.rle_splat.add_lights(kind=recipe.light)
         yield f"{recipe.name}-after"
         stage.settings.ambient_occlusion = stage.settings.indirect_light = 0.0
         bpy.context.scene.world = None

@@ -16,7 +16,6 @@ from PIL import Image, ImageDraw, ImageFont
 MOST_BYTES = 450_000  # of a JPEG
 AFTER = "-after"  # ends the name of the second of a pair
 LIT_BY = {"before": "headlight", "after": "recipe"}
-OTHERS = {"studio-after": "softboxes of a world"}  # no recipe of Add Lights
 TITLE = 28  # pixels above each
 EDGE, CENTER = (17, 19, 23), (66, 74, 86)  # colors of the backdrop
 
@@ -52,8 +51,8 @@ def in_pairs(pictures: dict[str, Image.Image]) -> Image.Image:
         left, top = width * (number % across), (height + TITLE) * (number // across)
         sheet.paste(picture.resize((width, height), Image.Resampling.LANCZOS), (left, top + TITLE))
         of, _, when = name.partition("-")
-        lit = f": {OTHERS.get(name, LIT_BY[when])}" if when else ""
-        title = ("" if paired or number < 2 else "+ ") + of.capitalize() + lit
+        lit = f": {LIT_BY[when]}" if when else ""
+        title = ("" if paired or number < 2 else "+ ") + of.title() + lit
         pen.text((left + 2, top + 3), title, fill="black", font=font)
     return sheet
 

@@ -69,7 +69,7 @@ RECIPES = {
         (
             RecipeLight("Key", "AREA", 60.0, (-1.85, -0.72, 1.19), PALE),
             RecipeLight("Fill", "AREA", 6.0, (1.03, -1.93, -0.05), COLD, size=2.0, casts_shadow=False),
-            RecipeLight("Rim", "AREA", 260.0, (1.73, 1.16, 1.13), COLD),
+            RecipeLight("Rim", "AREA", 130.0, (1.73, 1.16, 1.13), COLD),
         ),
         _settings(ambient_occlusion=0.7),
     ),
@@ -82,14 +82,14 @@ RECIPES = {
     ),
     "SOFT": Recipe(
         (
-            RecipeLight("Key", "AREA", 60.0, (-1.73, -1.17, 1.11), PALE),
-            RecipeLight("Fill", "AREA", 28.0, (1.3, -1.69, 0.21), COOL),
+            RecipeLight("Key", "AREA", 54.0, (-1.9, -0.4, 1.2), PALE),
+            RecipeLight("Fill", "AREA", 20.0, (1.5, -1.5, 0.1), COOL),
         ),
-        _settings(ambient_occlusion=0.4),
+        _settings(ambient_occlusion=0.6),
     ),
     "SKIN": Recipe(
         (
-            RecipeLight("Rim", "SPOT", 320.0, (1.72, 0.46, 0.41), WARM, size=0.2),
+            RecipeLight("Rim", "SPOT", 180.0, (1.72, 0.46, 0.41), WARM, size=0.2),
             RecipeLight("Key", "SPOT", 170.0, (-1.57, -1.23, 0.44), COOL, size=0.3),
         ),
         _settings(indirect_light=0.5),
