@@ -97,7 +97,7 @@ def test_sizes_and_watts_grow_with_the_volume_and_suns_stay(owner, factor):
     assert (key.energy, key.size, key.use_shadow) == (pytest.approx(60.0 * side**2), pytest.approx(side), True)
     assert (fill.energy, fill.size, fill.use_shadow) == (pytest.approx(6.0 * side**2), pytest.approx(2 * side), False)
     spot = add("SKIN")["Rim"].data
-    assert (spot.energy, spot.shadow_soft_size) == (pytest.approx(320.0 * side**2), pytest.approx(0.2 * side))
+    assert (spot.energy, spot.shadow_soft_size) == (pytest.approx(180.0 * side**2), pytest.approx(0.2 * side))
     sun = add("BONE")["Sun"].data
     assert (sun.energy, sun.angle) == (pytest.approx(4.2), pytest.approx(0.05))
 
@@ -151,7 +151,7 @@ def test_settings_depend_on_the_kind_and_not_on_the_one_before(owner):
     add("BONE")
     assert settings_of(owner)[:3] == (True, 0.7, 0.0)
     add("SOFT")
-    assert settings_of(owner)[:3] == (True, 0.4, 0.0)
+    assert settings_of(owner)[:3] == (True, 0.6, 0.0)
 
 
 def test_undo_brings_back_lights_and_settings(owner):
