@@ -1,11 +1,15 @@
 """The volume's shadow and reflection on meshes: a Volume object that all rays see but the camera's.
 
 Renders combine our picture with that of the engine, which knows nothing of the volume.  So a child of the volume object
-holds a coarse grid of its medium: rays from meshes to lights are absorbed in it, and mirrors see its lit color.  EEVEE
-casts no shadows of grids.  For it a child of the grid is the surface at which a voxel of the grid lets half of the
-light through.  Both objects are there as long as renders include the volume.  What they show is set before each
-rendered frame, on the render thread, and is a file or nothing; see ``over_render.py`` for what may be done there.  They
-are disabled in viewports, so they are neither drawn nor framed nor selected there.
+holds a coarse grid of its medium: rays from meshes to lights are absorbed in it, and mirrors see its lit color.
+
+EEVEE casts no shadows of grids, and Cycles none on a point inside a grid that its camera does not see.  For them a child
+of the grid is the surface at which a voxel of the grid lets half of the light through, moved inward, so that it does
+not shade what lies on the volume.
+
+Both objects are there as long as renders include the volume.  What they show is set before each rendered frame, on the
+render thread, and is a file or nothing; see ``over_render.py`` for what may be done there.  They are disabled in
+viewports, so they are neither drawn nor framed nor selected there.
 
 Files are named after a hash of all that decides their content.  They are beside the .blend, or in the extension's
 folder before its first save.
@@ -27,10 +31,9 @@ from ...rle_splat.runtime.steps import drain
 from ...rle_splat.scene import MODES, Scene
 from .. import linked, paths
 from ..data import effects
-from ..live import slices
 from ..scene.clip_objects import clip_objects
 from ..scene.lights import read_lights
-from ..scene.meshes import seen_meshes
+from ..scene.meshes import seen_meshes, takes_light
 from ..volumes import volumes
 from ..volumes.source_paths import kept_path
 from . import medium_volumes
@@ -40,6 +43,8 @@ SURFACE_ENGINES = ("BLENDER_EEVEE", "BLENDER_EEVEE_NEXT")  # that do so with sur
 FOLDER = "volume shadows"
 PREFIX, SUFFIX = "shadow-", ".vdb"
 RECENT = 120.0  # seconds
+INWARD = 1.5  # voxels of the grid; with less, a plate on bone gets dark spots
+AROUND = 8.0  # voxels of the grid around its box in which Cycles may be inside it, a leaf of OpenVDB
 KEPT = 4  # files that no object shows any more; an earlier state of the scene may want them again
 
 _saved: dict = {}  # session id of a grid -> its file, while the .blend is saved
@@ -52,8 +57,8 @@ def grids(scene) -> list:
 
 
 def surface_of(grid):
-    """The surface of a grid for EEVEE; None if somebody has removed it."""
-    return next((one for one in grid.children if one.type == "MESH" and len(one.modifiers)), None)
+    """The surface of a grid; None if somebody has removed it or a modifier of it."""
+    return next((one for one in grid.children if one.type == "MESH" and len(one.modifiers) > 1), None)
 
 
 def settle(scene) -> None:
@@ -67,9 +72,9 @@ def settle(scene) -> None:
                 kept[one.parent] = one
             else:
                 _remove(one)
-    for one in tuple(scene.objects):  # surfaces of grids that are gone, whoever removed them
+    for one in tuple(scene.objects):  # surfaces of grids that are gone, whoever removed them, and incomplete ones
         if one.rle_splat.is_shadow_grid and one.type == "MESH" and linked.is_own(one):
-            if one.parent not in kept.values():
+            if one.parent not in kept.values() or one != surface_of(one.parent):
                 _remove(one)
     for owner in owners:
         grid = kept.get(owner) or _add(scene, owner)
@@ -94,6 +99,8 @@ def _add_surface(grid) -> None:
     modifier = one.modifiers.new("Surface", "VOLUME_TO_MESH")
     modifier.object, modifier.resolution_mode = grid, "GRID"
     modifier.show_render = False
+    one.modifiers.new("Inward", "DISPLACE").mid_level = 0.0
+    one.visible_diffuse = one.visible_glossy = one.visible_transmission = one.visible_volume_scatter = False
     _attach(one, grid, grid.users_collection)
 
 
@@ -128,15 +135,30 @@ def why(owner, depsgraph, plain: Scene) -> tuple[bool, str]:
     casting = Counter(light.type.lower() for light in read_lights(depsgraph) if light.casts_shadow)
     if plain.environment is not None:
         casting["environment"] += 1
-    without = {*clip_objects(scene), *slices.slice_objects(scene)}
     reason = f"cast by {', '.join(f'{number} {kind}' for kind, number in casting.items())}"
     if scene.render.engine in SURFACE_ENGINES:
         reason += ", of an opaque surface in EEVEE"
     if not casting:
         reason = "no light casts shadows"
-    elif next(seen_meshes(depsgraph, without), None) is None:
+    elif next(_receivers(depsgraph), None) is None:
         reason, casting = "no mesh can receive them", ()
     return bool(by_hand) or bool(casting), f"by hand: {reason}" if by_hand else reason
+
+
+def _receivers(depsgraph):
+    """Generator of the instances of meshes that a shadow can fall on, which those that emit alone do not show."""
+    for instance in seen_meshes(depsgraph, clip_objects(depsgraph.scene)):
+        slots = instance.object.material_slots
+        if not slots or any(takes_light(slot.material) for slot in slots):
+            yield instance
+
+
+def _is_around(instance, to_grid, shape_xyz) -> bool:
+    """Whether the bounds of a mesh meet those of a grid; ``to_grid``: (4, 4), world to indices of voxels."""
+    to_index = to_grid @ np.array(instance.matrix_world)
+    corners = np.array([corner[:] for corner in instance.object.bound_box]) @ to_index[:3, :3].T + to_index[:3, 3]
+    is_below = corners.max(axis=0) < -AROUND
+    return not (is_below | (corners.min(axis=0) > np.asarray(shape_xyz) + AROUND)).any()
 
 
 def _impossible_because(scene, owner, plain: Scene) -> str:
@@ -174,8 +196,11 @@ def update(shown: list, depsgraph, quality) -> dict:
             casts, words = why(owner, depsgraph, plain)
             if casts:
                 factors = shadow_factors(plain, read_lights(depsgraph))
-                voxel = np.cbrt(abs(np.linalg.det(medium_volumes.grid_matrix(plain, factors)[:3, :3])))
-                files[owner] = _file_of(plain, quality, factors), float(np.log(2.0) / voxel)
+                own = medium_volumes.grid_matrix(plain, factors)
+                to_grid, size = np.linalg.inv(plain.volume_matrix @ own), plain.volume.shape_xyz / np.array(factors)
+                inside = any(_is_around(instance, to_grid, size) for instance in _receivers(depsgraph))
+                voxel = float(np.cbrt(abs(np.linalg.det(own[:3, :3]))))
+                files[owner] = _file_of(plain, quality, factors), voxel, inside
             on, reason = (on or casts), (reason if on else words)
     finally:
         show(depsgraph.scene, files)
@@ -190,18 +215,19 @@ def row(on: bool, reason: str, ms: float | None = 0.0) -> dict:
 def show(scene, files: dict | None = None) -> None:
     """Have the grids of volumes show files, and all others of the scene show nothing.
 
-    ``files``: volume object to its file and the density of its surface.
+    ``files``: volume object to its file, the side of a voxel of it in the volume's own space, and whether a mesh is
+    inside it.
     """
     for one in grids(scene):
-        path, half = (files or {}).get(one.parent, (None, 1.0))
+        path, voxel, inside = (files or {}).get(one.parent, (None, 1.0, False))
         shown = "" if path is None else kept_path(str(path), bpy.data.filepath)
         if one.data is not None and linked.is_own(one.data) and one.data.filepath != shown:
             one.data.filepath = shown
         surface = surface_of(one)
         if surface is not None and linked.is_own(surface):
-            modifier = surface.modifiers[0]
-            modifier.threshold = half
-            modifier.show_render = bool(shown) and scene.render.engine in SURFACE_ENGINES
+            modifier, inward = surface.modifiers[:2]
+            modifier.threshold, inward.strength = float(np.log(2.0)) / voxel, -INWARD * voxel
+            modifier.show_render = bool(shown) and (inside or scene.render.engine in SURFACE_ENGINES)
 
 
 def _file_of(plain: Scene, quality, factors) -> Path:

@@ -285,6 +285,15 @@ def share_of(material) -> np.ndarray | None:
     return found if found.max() >= LEAST else None
 
 
+def takes_light(material) -> bool:
+    """Whether lamps may change how a surface looks, which they do not if it emits or lets light through alone."""
+    tree = None if material is None else material.node_tree
+    return tree is None or any(
+        node.type in ("GROUP", "SUBSURFACE_SCATTERING") or node.type.startswith("BSDF_") for node in tree.nodes
+        if node.type != "BSDF_TRANSPARENT"
+    )  # fmt: skip
+
+
 def has_glass(depsgraph) -> bool:
     """Whether any object of a view layer has a material that lets light through."""
     glass = {material for material in bpy.data.materials if share_of(material) is not None}

@@ -109,6 +109,29 @@ def test_the_shadow_of_a_slab_obeys_beer_and_lambert_where_it_belongs(slab, tmp_
     assert row_of().on and row_of().reason == "cast by 1 sun" and row_of().ms > 0.0
 
 
+def test_a_mesh_in_the_box_is_shadowed_and_one_on_the_volume_is_not(grids_in_cycles, addon, tmp_path):
+    """A floor below an opaque slab, inside the volume's box, and a plate on the slab; a sun from the right."""
+    voxels = np.zeros((16, 32, 32), np.uint8)
+    voxels[11:15, 10:22, 18:28] = 100
+    scene = use_cycles((32, 32), samples=16)
+    owner = import_raw(tmp_path, voxels)
+    load_color(tmp_path, COLOR, alpha=1.0)
+    scene.rle_splat.quality = "standard"
+    floor, plate = add_white_floor(31.0), add_white_floor(31.0)
+    floor.location.z, plate.location, plate.scale = 3.0, (23.0, 15.5, 15.1), (0.15, 0.15, 1.0)
+    plate.visible_shadow = False
+    add_sun()
+    add_camera((15.5, 15.5, 60.0), type="ORTHO", ortho_scale=32.0)
+    assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+    light = rendered(tmp_path / "inside.exr")[..., 2] * math.sqrt(2.0)
+    print(light[16].round(1))
+    assert light[12:20, 7:14].mean() == pytest.approx(0.0, abs=0.1), "12 voxels to the left"
+    assert light[2:8, :-1].mean() == pytest.approx(1.0, abs=0.03)
+    assert light[13:19, 20:26].mean() == pytest.approx(1.0, abs=0.03), "the plate"
+    owner.location.x = 1000.0
+    assert rendered(tmp_path / "away.exr")[12:20, 7:14, 2].mean() > 0.6
+
+
 def test_the_camera_does_not_see_the_grid(slab, tmp_path):
     """Neither against nothing, nor through it to a lamp-less mesh, nor from within."""
     bpy.data.objects["mesh"].hide_render = True
@@ -240,7 +263,7 @@ def test_the_grid_is_no_part_of_what_viewports_and_our_pictures_show(cube, grid,
 
 @pytest.mark.parametrize("alpha", [1.0, 0.02])
 def test_eevee_gets_the_surface_of_what_is_dense(cube, grid, bridge, tmp_path, alpha):
-    """Its vertices in the evaluated scene of a render; Cycles gets none beside the grid."""
+    """Its vertices in the evaluated scene of a render; Cycles gets it only if a mesh is close to the grid."""
     load_color(tmp_path, RED, alpha=alpha)
     surface, corners = bridge("render.mesh_shadows").surface_of(grid()), []
     assert not surface.visible_get() and not surface.visible_camera and surface.parent == grid()
@@ -255,19 +278,22 @@ def test_eevee_gets_the_surface_of_what_is_dense(cube, grid, bridge, tmp_path, a
     path = Path(bpy.path.abspath(grid().data.filepath))
     bpy.context.scene.render.engine = "BLENDER_EEVEE" if bpy.app.version >= (5, 0) else "BLENDER_EEVEE_NEXT"
     depsgraph = bpy.context.evaluated_depsgraph_get()
-    half = math.log(2.0)
-    bridge("render.mesh_shadows").show(bpy.context.scene, {cube: (path, half)})
-    assert surface.modifiers[0].show_render and surface.modifiers[0].threshold == pytest.approx(half)
+    bridge("render.mesh_shadows").show(bpy.context.scene, {cube: (path, 1.0, False)})
+    assert surface.modifiers[0].show_render and surface.modifiers[0].threshold == pytest.approx(math.log(2.0))
     grid().hide_viewport = surface.hide_viewport = False  # the evaluated scene of no render has what viewports show
-    surface.modifiers[0].show_viewport = True
+    surface.modifiers[0].show_viewport = surface.modifiers[1].show_viewport = True
     update()
     note(None, depsgraph)
     bpy.context.scene.render.engine = "CYCLES"
-    render()
-    assert not surface.modifiers[0].show_render
-    if alpha == 1.0:  # voxels 0 to 6, which end half-way to the next
-        assert corners[0].min() == pytest.approx(-0.9, abs=0.2)
-        assert corners[0].max() == pytest.approx(6.9, abs=0.2)
+    floor = bpy.data.objects["mesh"]
+    for height in (-3.0, -30.0):
+        floor.location.z = height
+        render()
+        assert surface.modifiers[0].show_render == (height == -3.0)
+    if alpha == 1.0:  # voxels 0 to 6, which end half-way to the next, and 1.5 of a voxel inward along normals
+        low, high = np.quantile(corners[0], (0.2, 0.8))
+        print(f"from {low} to {high}")
+        assert low == pytest.approx(-0.9 + 1.5, abs=0.2) and high == pytest.approx(6.9 - 1.5, abs=0.2)
     else:
         assert len(corners[0]) == 0, "too thin for a surface"
 
