@@ -32,16 +32,16 @@ MM = 0.001
 PLATE = -112.0  # the height of the slice above the middle of the scan
 # Names, the place of each in mm from the middle of the scan, and that of its text in the picture, in widths.
 NAMES = (
-    ("Brachiocephalic vein", (-46.0, -21.0, 95.0), (-0.25, 0.27)),
-    ("Brachiocephalic trunk", (-26.0, -19.0, 88.0), (-0.25, 0.21)),
-    ("Ascending aorta", (-12.0, -28.0, 52.0), (-0.25, 0.145)),
-    ("Pulmonary trunk", (15.0, -30.0, 37.0), (-0.25, 0.08)),
-    ("Right ventricle", (10.0, -60.0, -33.0), (-0.25, -0.04)),
-    ("Stent in true lumen", (14.0, 17.0, 82.0), (0.257, 0.255)),
+    ("Right brachiocephalic vein", (-46.0, -21.0, 93.0), (-0.243, 0.27)),
+    ("Brachiocephalic trunk", (-26.0, -19.0, 88.0), (-0.243, 0.21)),
+    ("Ascending aorta", (-12.0, -28.0, 52.0), (-0.243, 0.145)),
+    ("Pulmonary trunk", (22.0, -22.0, 45.0), (-0.243, 0.08)),
+    ("Right ventricle", (10.0, -60.0, -33.0), (-0.243, -0.04)),
+    ("Stent graft", (14.0, 17.0, 82.0), (0.257, 0.255)),
     ("False lumen", (18.0, 58.0, 40.0), (0.257, 0.195)),
     ("Left pulmonary artery", (29.0, 26.0, 43.0), (0.257, 0.125)),
     ("Left atrial appendage", (31.0, -8.0, 26.0), (0.257, 0.055)),
-    ("Left pulmonary vein", (34.0, 31.0, -7.0), (0.257, -0.005)),
+    ("Inferior pulmonary vein", (34.0, 31.0, -7.0), (0.257, -0.005)),
     ("Left ventricle", (58.0, -35.0, -33.0), (0.257, -0.075)),
     ("Splenic artery", (41.0, 10.0, -103.0), (0.257, -0.15)),
 )
@@ -61,10 +61,11 @@ SMOOTHING = (
     (RIGHT, (("SMOOTH", 2.7), ("LARGEST", 0.0))),
     (FALSE, (("GROW", 1.6), ("LARGEST", 0.0))),
 )
-# Corners of boxes that are cut off, in mm from the middle: what is above the aorta, the right clavicle, and the ribs
-# before the aorta.
+# Corners of boxes that are cut off, in mm from the middle: what is above the aorta and, before it, where vessels meet
+# veins that are as dense; the right clavicle, and the ribs before the aorta.
 CUTS = (
-    ((-100.0, -100.0, 105.0), (100.0, 100.0, 140.0)),
+    ((-100.0, -100.0, 108.0), (100.0, 100.0, 140.0)),
+    ((-100.0, -100.0, 99.0), (100.0, 5.0, 140.0)),
     ((-100.0, -100.0, 86.0), (-30.0, -22.0, 140.0)),
     ((70.0, -100.0, 50.0), (100.0, 40.0, 140.0)),
 )
@@ -175,6 +176,7 @@ def heart(stage: Stage):
     _show(ours, LEFT)
     bpy.ops.rle_splat.threshold_segment(low=800.0, high=ours.value_high)
     ours.labels[ours.active_label].label_name = STENT
+    _change(ours, STENT, "GROW", 0.9)
     _show(ours, *COLORS)
     for row in ours.labels:
         if row.show:
@@ -183,7 +185,7 @@ def heart(stage: Stage):
         _cut(stage, low, high)
     ours.smoothness, ours.shift_by = 3.0, 0.0
     laid = _lay_slice(stage)
-    camera = stage.camera((1.65, -1.2, 0.5), lens=43.0, aim=(0.02, 0.03, -0.08))
+    camera = stage.camera((1.62, -1.18, 0.75), lens=43.0, aim=(0.02, 0.03, -0.08))
     bpy.context.view_layer.update()
     white, black = emission("Letters", (0.85, 0.87, 0.9)), emission("Edges", (0.01, 0.011, 0.014))
     ground = PLATE + 1.0
@@ -199,7 +201,7 @@ def heart(stage: Stage):
     floor.active_material.node_tree.nodes["Principled BSDF"].inputs["Specular IOR Level"].default_value = 0.0
     bpy.context.scene.cycles.use_denoising = True
     stage.ground += (laid,)
-    key = stage.key(3.6, (0.0, -1.9, 1.7), (1.0, 0.97, 0.94))
+    key = stage.key(3.6, (-0.2, -1.3, 2.2), (1.0, 0.97, 0.94))
     spare("Key", key, (floor,))  # a shadow of ribs alone would look like an object
     stage.area("Rim", 90.0, (-0.8, 1.6, 1.0), COLD)
     softbox_world(
