@@ -37,7 +37,7 @@ SCAN = Path(__file__).parent / "data" / "scan"
 PANELS = ("display", "presets", "clip_objects", "slices", "picture", "shading")  # that are open
 SHIFT, GROW, OPAQUE = -100.0, 2.0, 0.05  # HU, mm, mm: thin walls are whole and opaque
 DULL = 0.0, 0.75  # specular and diffuse: a cut that faces the headlight is not burnt white
-LEVEL, WINDOW = 400.0, 1000.0  # HU, of the slice
+LEVEL, WINDOW = 400.0, 1200.0  # HU, of the slice
 DARK = (0.012, 0.016, 0.024)  # of the world, from the render on
 DOWN = 25  # turns of the wheel from the first panel to Cut, Slices and Render
 
