@@ -195,9 +195,10 @@ def test_the_reference_lists_every_panel_with_its_settings():
     assert len(panels) > 10
     for texts in panels.values():
         assert "bl_label" not in texts or f"> {texts['bl_label']}" in text, texts
-    for label in ("*Maximum Error*", "*Ambient Occlusion*", "*Keep Up to Date*", "*Level*", "*Add Box*, *Add Plane*",
+    for label in ("*Maximum Error*", "*Ambient Occlusion*", "Camera View > *Keep Up to Date*", "*Level*",
+                  "*Add Box*, *Add Plane*",
                   "*Axial*, *Coronal*, *Sagittal*", "*Insert Keyframes*", "Segment Tools > *Hide Table*",
-                  "*Remove Channel (icon)*", "*Depth*", "*Meshes Hide Volume*",
+                  "*Remove Channel (icon)*", "Camera View > *Preview Position*", "*Meshes Hide Volume*",
                   "*White Background*, *Black Background*", "*Cut Along View*"):  # fmt: skip
         assert f"| {label} | " in text, label
     for label in ("Add Slice", "Add Cutting Object", "Chosen Segment"):
