@@ -9,7 +9,7 @@ from ..rle_splat.segment.label_map import BACKGROUND
 from .places import OfVolume, paragraph
 
 ALONE_SHARE = 0.45  # of the width, for Show Alone
-FUNCTION_SHARE = 0.42  # of the words Transfer Function
+FUNCTION_SHARE = 0.5  # of the words Transfer Function
 NAME_SHARE = 0.75  # of a row's width that the segment's name takes
 SWATCH = 1.2  # width of a color, in buttons
 ROWS = 6

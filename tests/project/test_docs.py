@@ -187,6 +187,10 @@ def test_the_reference_lists_every_operator_with_its_tooltip():
     for texts in operators.values():
         section = text.partition(f"`bpy.ops.{texts['bl_idname']}()`. ")
         assert f"## {texts['bl_label']}\n" in section[0] and len(section[2].partition("\n")[0]) > 10, texts
+    for row in ("| `of_file` | Channels of the File | `False` |", "| `use_meshes` | Meshes Hide Volume | unset |"):
+        assert row in text
+    assert "| `directory` | Folder |" in text.partition("## Import DICOM Series\n")[2].partition("\n## ")[0]
+    assert "`use_dialog`" not in text and "`filter_glob`" not in text
 
 
 def test_the_reference_lists_every_panel_with_its_settings():
@@ -208,6 +212,7 @@ def test_the_reference_lists_every_panel_with_its_settings():
     for section in text.split("\n## "):
         rows = re.findall(r"^\| (.+?) \|", section, re.MULTILINE)
         assert len(rows) == len(set(rows)), section.partition("\n")[0]
+    assert text.count("Import Volume…") == 1 and text.index("\n## Segments") < text.index("\n## Channels")
 
 
 def test_the_reference_explains_every_setting():
