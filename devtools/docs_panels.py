@@ -126,7 +126,8 @@ def _by_idname() -> dict:
 def rows_of(path: Path, panel: str) -> list[tuple[str, str, list[str], str]]:
     """What a panel draws, from the top; ``panel`` is the name of its class.
 
-    For each row "operator" or "property", its name, the labels that are drawn ("" is its own), and its menu.
+    For each row "operator" or "property", its name, the labels that are drawn ("" is its own), and its menu.  What a
+    menu or a panel within has is listed there alone.
     """
     found: list[tuple] = []
     rows: dict[tuple, list[str]] = {}
@@ -134,7 +135,11 @@ def rows_of(path: Path, panel: str) -> list[tuple[str, str, list[str], str]]:
     for kind, name, labels, menu in found:  # one row for what is drawn in several places of a panel
         known = rows.setdefault((kind, name, menu), [])
         known += [label for label in (("",) if labels is None else labels) if label not in known]
-    return [(kind, name, labels, menu) for (kind, name, menu), labels in rows.items()]
+    in_menus = {(kind, name) for kind, name, menu in rows if menu}
+    return [
+        (kind, name, labels, menu) for (kind, name, menu), labels in rows.items()
+        if menu or (kind, name) not in in_menus
+    ]  # fmt: skip
 
 
 def _follow_class(path: Path, node: ast.ClassDef, found: list, menu: str) -> None:
@@ -152,6 +157,7 @@ def _follow_class(path: Path, node: ast.ClassDef, found: list, menu: str) -> Non
 def _follow(path: Path, function: ast.FunctionDef, local: dict, found: list, menu: str) -> None:
     """Follow the calls of a function in their order; ``local`` has what its names can be, as nodes."""
     local, headings, titled = dict(local), {}, {}  # headings: text of a row or column before what is drawn in it
+    disabled = set()  # layouts of examples, which nobody can click
     for node in _ordered(function):
         if isinstance(node, (ast.For, ast.comprehension)):
             items = _items(path, node.iter, local)
@@ -161,6 +167,8 @@ def _follow(path: Path, function: ast.FunctionDef, local: dict, found: list, men
                 local[ast.unparse(target)] = [row[index] for row in columns if index < len(row)]
         elif isinstance(node, ast.Assign):
             pairs = [(node.targets[0], node.value)]
+            if ast.unparse(node).endswith(".enabled = False"):
+                disabled.add(node.targets[0].value.id)
             if isinstance(node.value, ast.Call) and getattr(node.value.func, "attr", "") == "panel":
                 header, body = node.targets[0].elts
                 titled[body.id] = header.id  # a panel within the panel, and what draws its title
@@ -173,7 +181,7 @@ def _follow(path: Path, function: ast.FunctionDef, local: dict, found: list, men
                 if isinstance(target, ast.Name) and isinstance(value, ast.Call):
                     texts = _texts(path, _keyword(value, "heading"), local)
                     headings[target.id] = texts[0] if texts else headings.get(_root(value), "")
-        elif isinstance(node, ast.Call):
+        elif isinstance(node, ast.Call) and _root(node) not in disabled:
             if isinstance(node.func, ast.Attribute) and node.func.attr == "label" and _root(node) != "layout":
                 headings[_root(node)] = next(iter(_texts(path, _keyword(node, "text"), local)), "")
             begin, names = len(found), (_root(node), *(getattr(one, "id", "") for one in node.args))

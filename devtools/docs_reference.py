@@ -37,6 +37,9 @@ PLACES = {  # (bl_space_type, bl_category or bl_context) -> where a user finds a
     ("PROPERTIES", "data"): "Properties > Object Data",
 }
 LONG_LIST = 12  # choices; of more, only the names are listed
+IN_LINES = 6  # choices; of more, each has a line of its own
+DIALOG = "use_dialog"  # which scripts need not set
+UNSET = "If unset"  # in the description of a property that has another default than its type's
 BLENDERS = {  # what Blender or an effect declares, by the name or the label in a panel
     "show_object_viewport_volume": ("Eye", "Show volumes live in this viewport."),
     "hide_viewport": ("Hide in Viewports", "Hide this object in viewports."),
@@ -266,10 +269,10 @@ def _value(node, names: dict):
         return None
 
 
-def _property(call: ast.Call, names: dict) -> dict | None:
-    """One property from the call that declares it; None for a hidden one."""
+def _property(call: ast.Call, names: dict, *, is_set_by_scripts: bool) -> dict | None:
+    """One property from the call that declares it; None for a hidden one, unless scripts set it."""
     given = {word.arg: _value(word.value, names) for word in call.keywords}
-    if "HIDDEN" in (given.get("options") or ()):
+    if "HIDDEN" in (given.get("options") or ()) and not (is_set_by_scripts and given.get("description")):
         return None
     items = given.get("items")
     kind = ast.unparse(call.func).rpartition(".")[2].removesuffix("Property")
@@ -283,6 +286,8 @@ def _property(call: ast.Call, names: dict) -> dict | None:
 
 def _default(kind: str, given: dict) -> str:
     """What a property is until somebody sets it; "" for a computed or an empty one."""
+    if UNSET in given.get("description", ""):
+        return "unset"
     plain = {"bool": False, "int": 0, "float": 0.0}.get(kind.removesuffix("vector"))
     if kind == "enum" and isinstance(given.get("items"), (list, tuple)):
         plain = given["items"][0][0]
@@ -312,7 +317,8 @@ def _declared(node: ast.ClassDef, path: Path, names: dict) -> Declared:
             made.texts[item.targets[0].id] = _value(item.value, names)
         elif isinstance(item, ast.AnnAssign):
             call = docs_panels.declaration(path, item.annotation)
-            found = _property(call, names) if isinstance(call, ast.Call) else None
+            by_scripts = file.startswith("operators/") and item.target.id != DIALOG
+            found = _property(call, names, is_set_by_scripts=by_scripts) if isinstance(call, ast.Call) else None
             if found is not None:
                 made.properties[item.target.id] = found
     return made
@@ -355,12 +361,13 @@ def _meaning(entry: dict, script: bool = False) -> str:
     Of a long list only the names: presets have a page of their own.
     """
     is_long = len(entry["choices"]) > LONG_LIST
-    choices = ("," if is_long else ";").join(
-        " " + " ".join([f"`{name}`"] * script + [f"*{label}*"] * (not (is_long and script)))
+    separator = ", " if is_long else "<br>" if len(entry["choices"]) > IN_LINES else "; "
+    choices = separator.join(
+        " ".join([f"`{name}`"] * script + [f"*{label}*"] * (not (is_long and script)))
         + (f": {text}" if text and not is_long else "")
         for name, label, text in entry["choices"]
     )  # fmt: skip
-    return f"{_sentence(entry['description'])}{choices}".strip()
+    return f"{_sentence(entry['description'])}{'<br>' if separator == '<br>' else ' '}{choices}".strip()
 
 
 def operators() -> str:
@@ -405,8 +412,10 @@ def panels() -> str:
 def _drawn(name: str, labels: list[str], menu: str) -> str:
     """How a button or a setting is drawn: its label, or its name and that it is an icon."""
     texts = [f"{name} {label}" if label == AN_ICON else label + name if label.endswith(": ") else label or name
-             for label in labels]  # fmt: skip
-    return (f"{menu} > " if menu else "") + ", ".join(text if text == A_NAME else f"*{text}*" for text in texts)
+             for label in labels if label != f"{name}: "] or [name]  # fmt: skip
+    return (f"{menu} > " if menu and texts != [menu] else "") + ", ".join(
+        text if text == A_NAME else f"*{text}*" for text in texts
+    )
 
 
 def _place_in_tab(one: Declared) -> tuple:

@@ -2,6 +2,7 @@
 
 import bpy
 import numpy as np
+from bpy.app.translations import pgettext_tip
 from bpy.props import EnumProperty
 
 from ..bridge.data.settings import scene_scale_of
@@ -15,6 +16,14 @@ from .placing import make_active
 from .reading import LoadsFirst
 from .refusal import has_volume, refuses
 
+KINDS = [
+    ("BOX", "Box", "Add a box around the volume, which cuts away what is outside or inside it"),
+    (
+        "PLANE",
+        "Plane",
+        "Add a plane through the middle of the volume, which cuts away the side to which its arrow points",
+    ),
+]
 FIT = EnumProperty(
     name="Fit", description="What a cut box encloses or a new plane divides",
     items=[("VOLUME", "Whole Volume", "All voxels"),
@@ -80,14 +89,7 @@ class RLE_SPLAT_OT_add_clip(LoadsFirst, bpy.types.Operator):
     bl_label = "Add Cutting Object"
     bl_options = {"REGISTER", "UNDO"}
 
-    kind: EnumProperty(
-        name="Kind",
-        description="Shape of the cut",
-        items=[
-            ("BOX", "Box", "Keep the part of the volume inside or outside a box"),
-            ("PLANE", "Plane", "Keep one side of a plane. The arrow points to the side that is removed"),
-        ],
-    )
+    kind: EnumProperty(name="Kind", description="Shape of the cut", items=KINDS)
     keep: EnumProperty(
         name="Keep", description="Part of the volume that stays visible",
         items=[("INSIDE", "Inside", "Keep what is inside the box, or behind the arrow"),
@@ -95,6 +97,10 @@ class RLE_SPLAT_OT_add_clip(LoadsFirst, bpy.types.Operator):
     fit: FIT
 
     poll = classmethod(has_volume)
+
+    @classmethod
+    def description(cls, _context, properties):
+        return pgettext_tip(next(item[2] for item in KINDS if item[0] == properties.kind))
 
     @refuses
     def execute(self, context):

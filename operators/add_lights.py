@@ -22,9 +22,9 @@ FROM_THE_FRONT = Matrix.Rotation(np.pi / 2.0, 3, "X").to_quaternion()  # the vie
 
 
 class RLE_SPLAT_OT_add_lights(LoadsFirst, bpy.types.Operator):
-    """Add lights that suit the volume, in a collection of their own, and set Light Source, Shadows, Ambient Occlusion
-    and Scattering to go with them. Lights that this button added before are replaced. Left and right are those of the
-    active camera; without a camera, of the 3D viewport; without both, of a view from the front (-Y)"""
+    """Add lights that suit the volume in place of those that this button added before, and set Light Source, Shadows,
+    Ambient Occlusion and Scattering to go with them. Left and right are those of the active camera, or else of the 3D
+    viewport"""
 
     bl_idname = "rle_splat.add_lights"
     bl_label = "Add Lights"

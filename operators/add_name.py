@@ -1,4 +1,4 @@
-"""Add Name: a text and a line to a point of the volume, as objects that renders show."""
+"""Name Structure and Add Name: a text and a line to a point of the volume, as objects that renders show."""
 
 import bpy
 import numpy as np
@@ -21,7 +21,7 @@ class RLE_SPLAT_OT_pick_label(PicksSurface, bpy.types.Operator):
     turn with the camera"""
 
     bl_idname = "rle_splat.pick_label"
-    bl_label = "Add Name"
+    bl_label = "Name Structure"
     bl_options = set()
 
     for_scripts = "This needs a click in a window; scripts use add_name with a point and a text."

@@ -3,6 +3,7 @@
 import os
 
 import bpy
+from bpy.app.translations import pgettext_tip
 from bpy.props import BoolProperty, IntProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
@@ -18,6 +19,9 @@ from .import_volume import LAST_SUFFIXES, ImportsVolumes
 from .placing import make_active
 from .reading import LoadsFirst
 from .refusal import has_editable_values, has_editable_volume, needs, refuses
+
+OTHER_FILE = "Show another file together with this volume, such as a PET or a dose on a CT"
+OF_FILE = "Show the other channels of this volume's own file together with it"
 
 
 class RLE_SPLAT_OT_add_channels(LoadsFirst, bpy.types.Operator):
@@ -54,8 +58,8 @@ class RLE_SPLAT_OT_add_channels(LoadsFirst, bpy.types.Operator):
 
 
 class RLE_SPLAT_OT_import_channel(ImportsVolumes, bpy.types.Operator, ImportHelper):
-    """Show another file together with this volume, such as a PET or a dose on a CT. Add Channels of the File shows the
-    other channels of this volume's own file"""
+    """Show another file, or the other channels of this volume's own file, together with this volume, such as a PET or
+    a dose on a CT"""
 
     bl_idname = "rle_splat.import_channel"
     bl_label = "Add File"
@@ -77,6 +81,10 @@ class RLE_SPLAT_OT_import_channel(ImportsVolumes, bpy.types.Operator, ImportHelp
     @classmethod
     def poll(cls, context):
         return super().poll(context) and has_editable_values(cls, context)
+
+    @classmethod
+    def description(cls, _context, properties):
+        return pgettext_tip(OF_FILE if properties.of_file else OTHER_FILE)
 
     def invoke(self, context, _event):
         if self.of_file or not self.use_dialog:

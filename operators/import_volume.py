@@ -230,8 +230,8 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
             )
         if not guess.certain:
             self.guesses += (
-                f"{os.path.basename(path)} was read as {guess.candidates[0]}. This is a guess; if it looks wrong, "
-                "import it again with its Shape and Type.",
+                f"{os.path.basename(path)} is guessed to be {guess.candidates[0]}; if it looks wrong, import it again "
+                "with its Shape and Type.",
             )
         spacing = tuple(options.spacing)
         source_options.fill_from_guess(options, guess)
@@ -247,8 +247,12 @@ class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelpe
     bl_options = {"UNDO", "PRESET"}
 
     filter_glob: StringProperty(default=";".join("*" + suffix for suffix in LAST_SUFFIXES), options={"HIDDEN"})
-    directory: StringProperty(subtype="DIR_PATH", options={"SKIP_SAVE", "HIDDEN"})
-    files: CollectionProperty(type=bpy.types.OperatorFileListElement, options={"SKIP_SAVE", "HIDDEN"})
+    directory: StringProperty(
+        name="Folder", description="Folder of the files", subtype="DIR_PATH", options={"SKIP_SAVE", "HIDDEN"}
+    )
+    files: CollectionProperty(
+        name="Files", description="Several files of the folder, in place of filepath, each with its name",
+        type=bpy.types.OperatorFileListElement, options={"SKIP_SAVE", "HIDDEN"})  # fmt: skip
     use_dialog: BoolProperty(
         name="Dialog", description="Ask for options before reading", default=True, options={"SKIP_SAVE", "HIDDEN"}
     )

@@ -1,6 +1,7 @@
-"""Reload Volume and Edit Scan: read the file of a volume again, with the options of the import or with others."""
+"""Reload Volume: read the file of a volume again, with the options of the import or with others."""
 
 import bpy
+from bpy.app.translations import pgettext_tip
 from bpy.props import BoolProperty
 
 from ..bridge.data import source_options
@@ -12,9 +13,12 @@ from ..bridge.volumes.source_paths import resolved_path
 from .reading import ReadsFiles
 from .refusal import has_editable_volume
 
+AS_BEFORE = "Read the volume's file again, with the options of the import"
+WITH_OTHERS = "Read the volume's file again with other options, such as spacing, unit, orientation and flips"
+
 
 class RLE_SPLAT_OT_reload(ReadsFiles, source_options.SourceOptions, bpy.types.Operator):
-    """Read the volume's file again. Edit… asks for other options first, which replace those of the import"""
+    """Read the volume's file again, with the options of the import or with others"""
 
     bl_idname = "rle_splat.reload"
     bl_label = "Reload Volume"
@@ -27,13 +31,19 @@ class RLE_SPLAT_OT_reload(ReadsFiles, source_options.SourceOptions, bpy.types.Op
 
     poll = classmethod(has_editable_volume)
 
+    @classmethod
+    def description(cls, _context, properties):
+        return pgettext_tip(WITH_OTHERS if properties.use_dialog else AS_BEFORE)
+
     def invoke(self, context, _event):
         if not self.use_dialog:
             return self.begin(context)
         source_options.copy(volumes.volume_object(context).rle_splat, self)
         self.found_spacing = volumes.volume_object(context).rle_splat.found_spacing
         self.is_confirmed = True
-        return context.window_manager.invoke_props_dialog(self, title="Edit Scan", confirm_text="Read Again", width=340)
+        return context.window_manager.invoke_props_dialog(
+            self, title="Edit and Reload", confirm_text="Reload", width=340
+        )
 
     def draw(self, context):
         layout = self.layout
@@ -44,7 +54,7 @@ class RLE_SPLAT_OT_reload(ReadsFiles, source_options.SourceOptions, bpy.types.Op
         if owner is not None and owner.rle_splat.level >= 0:
             draw_number(layout, self, "level", "use_fitting_level")
         if owner is not None and owner.rle_splat.frame_count > 1:
-            layout.label(text="The frame that is shown is set in Time", icon="INFO")
+            layout.label(text="Set the time point in File > Time", icon="INFO")
         layout.separator()
         for name in ("modality", "value_unit"):
             layout.prop(self, name)

@@ -60,9 +60,11 @@ class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
         name="Length", description="Length of the scale bar in millimeters; 0 chooses a round one", min=0.0
     )
     scale_depth: EnumProperty(
-        name="Measured At", description="Depth at which the scale bar is true in perspective; written beside the bar",
-        items=[("NONE", "Nowhere", "No scale bar in perspective"),
-               ("CENTER", "Middle of the Volume", "At the distance of the volume's middle")])  # fmt: skip
+        name="In Perspective", description="Where the scale bar is true in perspective, in which lengths differ with "
+        "depth; written beside the bar",
+        items=[("NONE", "No Bar", "Show no scale bar in perspective"),
+               ("CENTER", "At the Volume's Middle", "The scale bar is true at the distance of the volume's "
+                "middle")])  # fmt: skip
     color_bar: BoolProperty(name="Color Bar", description="Show colors and opacity over the values", default=True)
     sides: EnumProperty(
         name="Letters", description="How the patient's sides are shown",
@@ -100,7 +102,7 @@ class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
             layout.prop(self, "scale_length")
             layout.prop(self, "scale_depth")
             if self.scale_depth == "NONE" and self._is_perspective(context):
-                layout.label(text="No scale bar in perspective: set Measured At", icon="INFO")
+                layout.label(text="No scale bar in perspective: set In Perspective", icon="INFO")
         layout.prop(self, "color_bar")
         layout.prop(self, "use_caption")
         if self.use_caption:

@@ -1,4 +1,4 @@
-"""The Advanced panel: the largest error, classification, settings of quality, memory and threads."""
+"""The Advanced panel: the maximum error, classification, settings of quality, memory and threads."""
 
 import bpy
 
@@ -67,7 +67,7 @@ def _draw_error(context, layout) -> None:
     settings = context.scene.rle_splat
     layout.prop(settings, "use_max_error")
     if settings.use_max_error:
-        layout.prop(settings, "max_error", text="Largest Error (of 255)")
+        layout.prop(settings, "max_error", text="8-Bit Steps")
     if lost := taken_away(context.scene):
         paragraph(context, layout, f"Pictures with a Maximum Error have no {' and no '.join(lost)}.", "INFO")
 
@@ -88,7 +88,7 @@ def _memory(context) -> str:
 
 
 class RLE_SPLAT_PT_advanced(AdvancedPanel, Sidebar, bpy.types.Panel):
-    bl_order = 8
+    bl_order = 10
 
 
 class RLE_SPLAT_PT_render_advanced(AdvancedPanel, RenderTab, bpy.types.Panel):

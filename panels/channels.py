@@ -10,7 +10,7 @@ from .places import OfVolume, paragraph
 
 class RLE_SPLAT_PT_channels(OfVolume, bpy.types.Panel):
     bl_label = "Channels"
-    bl_order = 5
+    bl_order = 7
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context):

@@ -5,10 +5,11 @@ import bpy
 from ..bridge.look import preset_entries
 from ..bridge.volumes import encoded, labels, volumes
 from ..operators.change_segment import TOOLS
+from ..rle_splat.segment.label_map import BACKGROUND
 from .places import OfVolume, paragraph
 
 ALONE_SHARE = 0.45  # of the width, for Show Alone
-PRESET_SHARE = 0.3  # of its name
+FUNCTION_SHARE = 0.5  # of the words Transfer Function
 NAME_SHARE = 0.75  # of a row's width that the segment's name takes
 SWATCH = 1.2  # width of a color, in buttons
 ROWS = 6
@@ -23,8 +24,11 @@ class RLE_SPLAT_UL_labels(bpy.types.UIList):
         row.prop(item, "show", text="", icon="HIDE_OFF" if item.show else "HIDE_ON", emboss=False)
         swatch = row.row(align=True)
         swatch.ui_units_x = SWATCH
-        swatch.active = item.use_color
-        swatch.prop(item, "shown_color", text="")
+        swatch.active = item.use_color  # else a click on it gives the segment this color
+        if item.use_color or item.label != BACKGROUND:
+            swatch.prop(item, "shown_color", text="")
+        else:
+            swatch.label(text="")
         split = row.split(factor=NAME_SHARE)
         split.active = item.show
         split.prop(item, "label_name", text="", emboss=False)
@@ -64,7 +68,7 @@ class RLE_SPLAT_MT_label_functions(bpy.types.Menu):
 
 class RLE_SPLAT_PT_labels(OfVolume, bpy.types.Panel):
     bl_label = "Segments"
-    bl_order = 5
+    bl_order = 6
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context):
@@ -91,8 +95,8 @@ class RLE_SPLAT_PT_labels(OfVolume, bpy.types.Panel):
             row.operator("rle_splat.solo_label", text="Show Alone", icon="SOLO_ON").label = chosen.label
             row.operator("rle_splat.color_anatomy")
             label = next(label for name, label, _ in labels.FUNCTION_ITEMS if name == chosen.look)
-            row = layout.split(factor=PRESET_SHARE)
-            row.label(text="Preset")
+            row = layout.split(factor=FUNCTION_SHARE)
+            row.label(text="Transfer Function")
             row.menu(RLE_SPLAT_MT_label_functions.__name__, text=label)
             layout.prop(chosen, "use_color")
         layout.prop(properties, "smooth_labels")

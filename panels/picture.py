@@ -1,4 +1,4 @@
-"""The Render panel: the volume in renders, in the camera view and as a picture, and the messages about them."""
+"""The Render panel: the volume in renders, its quality, messages, the camera view, and pictures and files."""
 
 import bpy
 from bpy.app.translations import pgettext_iface
@@ -21,14 +21,6 @@ class PicturePanel:
         row.operator("rle_splat.composite", icon="RESTRICT_RENDER_OFF", depress=settings.use_composite)
         row.operator("rle_splat.remove_composite", text="", icon="X")
         _draw_composite(context, layout)
-        layout.label(text="In the Camera View")
-        row = _tall(layout)
-        row.operator("rle_splat.set_backdrop", icon="VIEW_CAMERA")
-        row.operator("rle_splat.remove_backdrop", text="", icon="X")
-        row = layout.split(factor=0.4)
-        row.label(text="Depth")
-        row.row().prop(settings, "backdrop_depth", expand=True)
-        layout.prop(settings, "backdrop_follows")
         _draw_quality(context, layout)
         column = layout.column()
         column.use_property_split = False  # else the names would be cut off
@@ -43,6 +35,10 @@ class PicturePanel:
             alert.alert = True
             paragraph(context, alert, sentence, icon="ERROR")
         # Last: the panel below would lie over what follows a closed one (5.2).
+        header, body = layout.panel("rle_splat_camera_view", default_closed=True)
+        header.label(text="Camera View")
+        if body is not None:
+            _draw_preview(body, settings)
         header, body = layout.panel("rle_splat_export", default_closed=True)
         header.label(text="Pictures and Files")
         if body is not None:
@@ -56,18 +52,29 @@ def _tall(layout):
     return row
 
 
-def _draw_files(layout) -> None:
-    """Buttons that make an image, an animation, a figure, a mesh or a file of the volume, or letters for renders."""
+def _draw_preview(layout, settings) -> None:
+    """The picture in the active camera's view, which renders do not include."""
     row = _tall(layout)
+    row.operator("rle_splat.set_backdrop", icon="VIEW_CAMERA")
+    row.operator("rle_splat.remove_backdrop", text="", icon="X")
+    row = layout.split(factor=0.42)
+    row.label(text="Preview Position")
+    row.row().prop(settings, "backdrop_depth", expand=True)
+    layout.prop(settings, "backdrop_follows")
+
+
+def _draw_files(layout) -> None:
+    """Buttons that make pictures, a mesh or a file of the volume, and letters and names for renders."""
+    pictures, export, texts = (layout.column(align=True) for _ in range(3))
+    row = _tall(pictures)
     row.operator("rle_splat.render_image", icon="IMAGE_DATA")
     row.operator("rle_splat.turntable", icon="RENDER_ANIMATION")
-    row = _tall(layout)
-    row.operator("rle_splat.save_figure", icon="DOCUMENTS")
-    row.operator("rle_splat.extract_surface", icon="MESH_ICOSPHERE")
-    layout.operator("rle_splat.bake_volume", icon="VOLUME_DATA")
-    layout.operator("rle_splat.add_letters", icon="FONT_DATA")
-    layout.operator("rle_splat.add_names", icon="OUTLINER_OB_FONT")
-    layout.operator("rle_splat.pick_label", icon="EYEDROPPER")
+    _tall(pictures).operator("rle_splat.save_figure", icon="DOCUMENTS")
+    export.operator("rle_splat.extract_surface", icon="MESH_ICOSPHERE")
+    export.operator("rle_splat.bake_volume", icon="VOLUME_DATA")
+    texts.operator("rle_splat.add_letters", icon="FONT_DATA")
+    texts.operator("rle_splat.add_names", icon="OUTLINER_OB_FONT")
+    texts.operator("rle_splat.pick_label", icon="EYEDROPPER")
 
 
 def _draw_quality(context, layout) -> None:
@@ -114,7 +121,7 @@ def _draw_composite(context, layout) -> None:
 
 class RLE_SPLAT_PT_picture(PicturePanel, Sidebar, bpy.types.Panel):
     bl_label = "Render"
-    bl_order = 6
+    bl_order = 8
 
 
 class RLE_SPLAT_PT_render(PicturePanel, RenderTab, bpy.types.Panel):

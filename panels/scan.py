@@ -40,7 +40,7 @@ class ScanPanel:
 
 
 class RLE_SPLAT_PT_scan(ScanPanel, OfVolume, bpy.types.Panel):
-    bl_order = 7
+    bl_order = 9
 
 
 class RLE_SPLAT_PT_data_scan(ScanPanel, DataTab, bpy.types.Panel):

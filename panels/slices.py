@@ -13,7 +13,7 @@ TRUE_GRAYS = "Standard", "Raw"  # view transforms
 
 class RLE_SPLAT_PT_slices(Sidebar, bpy.types.Panel):
     bl_label = "Slices"
-    bl_order = 4
+    bl_order = 5
     bl_options = {"DEFAULT_CLOSED"}
 
     @classmethod

@@ -246,7 +246,8 @@ class SceneSettings(bpy.types.PropertyGroup):
         description="Render without steps at the edges of the volume: the mean of four pictures, shifted by parts of a "
         "pixel. Takes up to five times as long. Viewports do not show it")  # fmt: skip
     backdrop_depth: EnumProperty(
-        name="Depth", description="Where the camera view shows the picture", update=_place_backdrop,
+        name="Preview Position", description="Whether the camera view shows the picture behind or in front of the "
+        "objects", update=_place_backdrop,
         items=[("BACK", "Behind", "Show the picture behind the objects"),
                ("FRONT", "In Front", "Show the picture in front of the objects")])  # fmt: skip
     backdrop_object: PointerProperty(

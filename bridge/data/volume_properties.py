@@ -41,7 +41,7 @@ DISPLAY_ITEMS = [
     ("composite", "Volume Rendering", "Show the colors and opacities of the transfer function, with light"),
     ("mip", "MIP", "Maximum intensity projection: show the largest value along each line of sight"),
     ("minip", "MinIP", "Minimum intensity projection: show the smallest value along each line of sight"),
-    ("average", "Average", "Mean intensity: show the mean value along each line of sight"),
+    ("average", "Average", "Average intensity projection: show the mean value along each line of sight"),
     ("xray", "X-Ray", "Show how much is absorbed along each line of sight: dense tissue is bright"),
 ]
 SHOWN = tuple(item[0] for item in DISPLAY_ITEMS)  # the modes in the order of the panel
@@ -197,7 +197,7 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         name="Keep Other Side", description="Keep the other part of the volume", set=_flip,
         get=lambda group: group.clip_keep == "OUTSIDE")  # fmt: skip
     clip_is_on: BoolProperty(
-        name="Cuts",
+        name="Enable Cut",
         description="Turn this cut on or off",
         set=_switch_cut,
         get=lambda group: not group.id_data.hide_render,
@@ -270,7 +270,7 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     )
     ambient: LiveFloat(
         name="Ambient", default=0.2, min=0.0, soft_max=1.0,
-        description="Brightness that does not depend on the lights")  # fmt: skip
+        description="Brightness that does not depend on the lights. More of it makes shapes look flatter")  # fmt: skip
     diffuse: LiveFloat(
         name="Diffuse", default=0.8, min=0.0, soft_max=1.0, description="Brightness of surfaces that face a light"
     )
@@ -310,9 +310,10 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         name="Shininess", default=20.0, min=1.0, soft_max=100.0,
         description="Sharpness of the highlights; higher is smaller and sharper")  # fmt: skip
     highlight: LiveEnum(
-        name="Highlights", description="How the shape of the highlights is computed", default="BLINN_PHONG",
-        items=(("BLINN_PHONG", "Blinn-Phong", "Use the direction halfway between light and camera"),
-               ("PHONG", "Phong", "Use the mirror direction of the light")))  # fmt: skip
+        name="Highlights", description="Shape of the highlights", default="BLINN_PHONG",
+        items=(("BLINN_PHONG", "Blinn-Phong", "Large highlights, which stretch where light grazes a surface, as on "
+                "real materials"),
+               ("PHONG", "Phong", "Smaller and rounder highlights with the same Shininess")))  # fmt: skip
     smoothness: LiveFloat(
         name="Smoothness", default=-1.0, min=-1.0, soft_max=10.0, precision=2,
         description="How far, in mm, surfaces are smoothed for light (standard deviation of a Gaussian). Removes the "

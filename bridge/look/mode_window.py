@@ -8,7 +8,7 @@ from ...rle_splat.scene import MODES
 from ..volumes import box, facts
 from .preset_entries import modality_of
 
-XRAY_ALPHA = 0.04  # opacity of the brightest value for each smallest spacing, as the preset x-ray has it
+XRAY_ALPHA = 0.04  # opacity of the brightest value for each smallest spacing, as the preset faint has it
 # Optical depth of the volume's mean value along its longest side, above air: half of the light.  Lines through the
 # middle of a body have about twice that.
 XRAY_DEPTH = 0.7

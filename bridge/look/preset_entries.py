@@ -8,7 +8,7 @@ from ..translations import filled
 from . import own_presets, preset_items
 
 MODALITY = "Modality: "  # line of a volume's facts
-NAMES = {"CT": "CT", "MR": "MR", "XA": "X-Ray", "PT": "PET", "RTDOSE": "Dose", "SMOKE": "Smoke"}
+NAMES = {"CT": "CT", "MR": "MR", "XA": "C-Arm", "PT": "PET", "RTDOSE": "Dose", "SMOKE": "Smoke"}
 OWN = "OWN"
 OF_THINGS = ("ct-botanical", "ct-industrial")
 

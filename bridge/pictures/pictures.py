@@ -27,10 +27,12 @@ SUFFIXES = {
 }  # fmt: skip
 SHORTEST_MS = 0.5  # of a stage that the Last Report panel lists; the JSON has all
 STAGES = {
+    **effects.PANEL_NAMES,
     "kernels": "Loading of code",
     "mixing": "Segments and channels",
     "rays": "Exact pixels",
     "setup": "Preparation",
+    "shade": "Shading",  # as the effect, whose time it is
 }
 NUMBERS = ("depth", "error", "shadow")  # kinds that hold numbers instead of colors
 
@@ -190,7 +192,7 @@ def _error_lines(report: dict) -> list[str]:
 def note_report(settings, report: dict) -> None:
     """Store the report of a picture in the scene's settings, as text and as JSON, with the list of effects."""
     stages = report.get("stages_ms", {})
-    lines = [f"{STAGES.get(name, name.capitalize())}: {value:.0f} ms" for name, value in stages.items()
+    lines = [f"{STAGES.get(name, name).capitalize()}: {value:.0f} ms" for name, value in stages.items()
              if isinstance(value, (int, float)) and (value >= SHORTEST_MS or name == "total")]  # fmt: skip
     settings.last_report = "\n".join((
         *report.get("remarks", ()), report.get("plan", {}).get("why", ""), *_error_lines(report),

@@ -25,7 +25,7 @@ COMPOSED = (
     "the name of the volume contains {word}",
     "Unit, name and modality do not say what the volume is, so values {side} {value} are shown.",
     "All values are about {value}, so everything is shown.",
-    "No spacing was given; 1 x 1 x 1 {unit} is assumed.",
+    "No spacing was given; 1 × 1 × 1 {unit} is assumed.",
     "{work}, about {seconds} s",
     "Rendering {plan}",
     "reading {file}",

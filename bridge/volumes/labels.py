@@ -58,7 +58,7 @@ class LabelProperties(bpy.types.PropertyGroup):
     label_name: StringProperty(name="Name", description="Name of the segment")
     show: BoolProperty(name="Show", description="Show the voxels of this segment", default=True, update=evaluate_anew)
     use_color: BoolProperty(
-        name="Custom Color", description="Show this segment in one color, with the opacities of its transfer function",
+        name="One Color", description="Show this segment in one color, with the opacities of its transfer function",
         default=False, update=evaluate_anew)  # fmt: skip
     color: FloatVectorProperty(
         name="Color", description="Color of the segment", subtype="COLOR", size=3, min=0.0, max=1.0,
@@ -71,9 +71,9 @@ class LabelProperties(bpy.types.PropertyGroup):
         name="Opacity", description="Multiply the opacity of this segment", default=1.0, min=0.0, max=1.0,
         subtype="FACTOR", update=evaluate_anew)  # fmt: skip
     shown_color: FloatVectorProperty(
-        name="Color", description="Color of the segment. Choosing one sets Preset to Solid, which shows all voxels of "
-        "the segment in this color with one opacity", subtype="COLOR", size=3, min=0.0, max=1.0,
-        get=lambda row: tuple(row.color), set=_give_color)  # fmt: skip
+        name="Segment Color", description="Color of the segment. Choosing one replaces the transfer function Same as "
+        "Volume by Solid, which shows all voxels of the segment in this color with one opacity",
+        subtype="COLOR", size=3, min=0.0, max=1.0, get=lambda row: tuple(row.color), set=_give_color)  # fmt: skip
 
     def plain(self) -> LabelStyle:
         return LabelStyle(

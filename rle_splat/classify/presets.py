@@ -68,9 +68,9 @@ _ROWS = (
     Preset("mr-brain", "MR Brain", "MR", "gray and white matter of a brain without skull"),
     Preset("mr-angiography", "MR Angio", "MR", "bright vessels"),
     Preset("mr-mip", "MR MIP", "MR", "bright vessels in gray, for MIP"),
-    Preset("x-ray", "Faint", None, "everything, faintly, unshaded, like a radiograph"),
-    Preset("window", "Gray", None, "a gray window over all values, for MIP, MinIP and average"),
-    Preset("xa-limb", "X-Ray Limb", "XA", "bones in soft tissue, from a rotational X-ray"),
+    Preset("faint", "Faint", None, "everything, faintly, unshaded, like a radiograph"),
+    Preset("gray", "Gray", None, "a gray window over all values, for MIP, MinIP and average"),
+    Preset("xa-limb", "C-Arm Limb", "XA", "bones in soft tissue, from a rotational X-ray of a C-arm"),
     Preset("smoke", "Smoke", "SMOKE", "gray smoke from thin to dense"),
     Preset("pet", "PET", "PT", "uptake in inverted gray, black from SUV 10 on, for a white background"),
     Preset("pet-hot", "PET Hot", "PT", "uptake above SUV 1.5 from dark red to yellow, over a CT or a dark background"),
@@ -169,11 +169,7 @@ def fit_steps(function: TransferFunction, volume: Volume):
         remark = f"The points of the preset {function.name} are shares of the largest value, {most:g}."
         return function.remapped(0.0, most, unit=volume.value_unit), remark
     low, high = yield from _typical_range_steps(volume)
-    first, last = function.span
     has_unit = function.unit not in (None, RELATIVE)
-    meant = f"in {function.unit}, unlike the volume's values" if has_unit else "relative"
-    remark = (
-        f"The points of the preset {function.name} are {meant}, so {first:g} to {last:g} was mapped to "
-        f"{low:g} to {high:g}, the 1st to 99.9th percentile of the values."
-    )
+    meant = f", whose points are in {function.unit}," if has_unit else ""
+    remark = f"{function.name}{meant} was fitted to {low:g} to {high:g}, the 1st to 99.9th percentile of the values."
     return function.remapped(low, high, unit=volume.value_unit), remark

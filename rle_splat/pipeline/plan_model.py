@@ -42,7 +42,8 @@ from ..scene import (
 from ..splat.scratch import BAND
 from ..warp.steep import UNLIMITED
 
-LAYERS = {"preintegrated": "exact layers", "midpoint": "midpoints", "gauss2": "Gauss layers"}  # as panels name rules
+# As panels name rules, with the number in the rule, and the plural.
+LAYERS = {"preintegrated": "{} exact layer{}", "midpoint": "{} midpoint{}", "gauss2": "Gauss layers"}
 CALIBRATION = Path(__file__).with_name("calibration.json")
 LEAST_ROUGHNESS = 0.1  # levels: errors are not extrapolated to smoother media
 SHEETS_PER_VOXEL = {"slice": 1, "simpson": 2, "gauss2": 2}
@@ -95,7 +96,8 @@ class PresetPlan:
     def describe(self) -> str:
         """In words for a person."""
         rule, density, _, _, rays = self.knobs
-        text = f"{LAYERS[rule.partition('-')[0]]} ({rule}), pixel density {density:g}"
+        kind, _, count = rule.partition("-")
+        text = f"{LAYERS[kind].format(count or 1, 's' * bool(count))}, pixel density {density:g}"
         if rays == NO_RAYS:
             return text
         where = "wherever something is seen" if rays <= UNLIMITED else f"where neighbors differ by {100.0 * rays:.0f}%"

@@ -20,7 +20,7 @@ ROOM = 1.02  # height of the view over what is seen of the volume
 FLAT, ASIDE = 0.4, 50.0  # a volume flatter than this is seen from so many degrees above or aside, else from the front
 BEHIND, BEHIND_BLACK = 0.012, 0.8  # scene-linear gray behind the volume, and behind one whose highest values are black
 KIND = "3"  # of pictures; another one for each change that makes old pictures wrong
-# An unshaded function of one color is for projections (the preset "window"); composited, it would be a flat shape.  Its
+# An unshaded function of one color is for projections (the preset "gray"); composited, it would be a flat shape.  Its
 # opacities are brought down to at most this optical depth over the longest side.
 DEPTH = 3.0
 # Kernels of unshaded functions and of those without a highlight are not prepared ahead (``prepare``).  With a highlight

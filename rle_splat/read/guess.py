@@ -122,10 +122,10 @@ def guess_raw_steps(path, shape=None, dtype=None, byte_order=None, header_bytes=
     for what, value in known.items():
         if value is None and name.get(what) is not None and what != "byte_order":
             known[what] = name[what]
-            text = " x ".join(map(str, name[what])) if what == "shape" else name[what]
-            reasons.append(f"The file name gives {what.replace('_', ' ')} {text}.")
+            text = " × ".join(map(str, name[what])) if what == "shape" else name[what]
+            reasons.append(f"The file name gives {what.replace('dtype', 'type').replace('_', ' ')} {text}.")
     if name.get("spacing"):
-        reasons.append("The file name gives spacing " + " x ".join(f"{s:g}" for s in name["spacing"]) + ".")
+        reasons.append("The file name gives spacing " + " × ".join(f"{s:g}" for s in name["spacing"]) + ".")
     if size is None:
         reasons.append(f"The file holds more than {limit} bytes, so its exact size is unknown.")
         candidates = ()

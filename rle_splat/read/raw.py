@@ -82,7 +82,7 @@ def read_raw_steps(
     layout, remarks, named = yield from layout_steps(path, shape, dtype, byte_order, header_bytes)
     spacing = named if spacing is None else spacing
     if spacing is None:
-        remarks += (f"No spacing was given; 1 x 1 x 1 {unit} is assumed.",)
+        remarks += (f"No spacing was given; 1 × 1 × 1 {unit} is assumed.",)
         spacing = (1.0, 1.0, 1.0)
     spacing = check_spacing(spacing)
     doing = f"reading {Path(path).name} ({streaming.grid_text(layout.shape, layout.file_dtype)})"

@@ -319,7 +319,7 @@ def read_tiff_steps(path, frame=None, spacing=None, unit=None):
         unit, remarks = unit or facts.unit, remarks + more
     elif spacing is None:
         spacing = (1.0, 1.0, 1.0)
-        remarks += (f"The file states no spacing; 1 x 1 x 1 {unit or 'mm'} is assumed.",)
+        remarks += (f"The file states no spacing; 1 × 1 × 1 {unit or 'mm'} is assumed.",)
     return Volume(
         voxels=voxels, affine=np.diag((*check_spacing(spacing), 1.0)), unit=unit or "mm", name=plain_name(path),
         frames=facts.frames, frame_axis=facts.differ_in, color=facts.color,

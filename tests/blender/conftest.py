@@ -172,7 +172,7 @@ def phantom(tmp_path):
 def volume_object(phantom):
     """The phantom imported with spacing 1, 2 and 3 mm and its values' own range as the preset's."""
     bpy.ops.rle_splat.import_volume(
-        filepath=str(phantom[0]), shape=(7, 6, 5), dtype="uint8", spacing=(1.0, 2.0, 3.0), preset="x-ray"
+        filepath=str(phantom[0]), shape=(7, 6, 5), dtype="uint8", spacing=(1.0, 2.0, 3.0), preset="faint"
     )
     return bpy.context.view_layer.objects.active
 

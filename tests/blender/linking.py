@@ -25,7 +25,7 @@ def write_labels(path, *numbers):
 
 def import_raw(path):
     done = bpy.ops.rle_splat.import_volume(
-        filepath=str(path), shape=SHAPE, dtype="uint8", spacing=(1.0, 2.0, 3.0), preset="x-ray"
+        filepath=str(path), shape=SHAPE, dtype="uint8", spacing=(1.0, 2.0, 3.0), preset="faint"
     )
     assert done == {"FINISHED"}
     return bpy.context.view_layer.objects.active

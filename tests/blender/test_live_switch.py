@@ -212,7 +212,7 @@ def test_contents_equal_those_of_a_picture(volume_object, bridge, live):
 def test_meshes_cast_shadows_on_every_volume_that_the_scenes_lights_shine_on(
     volume_object, phantom, bridge, lit, counts
 ):
-    bpy.ops.rle_splat.import_volume(filepath=str(phantom[0]), shape=(7, 6, 5), dtype="uint8", preset="x-ray")
+    bpy.ops.rle_splat.import_volume(filepath=str(phantom[0]), shape=(7, 6, 5), dtype="uint8", preset="faint")
     second = bpy.context.view_layer.objects.active
     bpy.ops.mesh.primitive_cube_add()
     volume_object.rle_splat.lighting, second.rle_splat.lighting = lit

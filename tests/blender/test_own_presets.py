@@ -61,7 +61,7 @@ def test_what_is_saved_is_applied_again(volume_object, own, bridge, core):
     assert names(own) == ["My Head"]
     stored = core("classify.transfer_function").TransferFunction.from_json(own.folder() / "My Head.json")
     assert stored.name == "My Head" and stored.key == saved.key, "the file is that of Save to File"
-    bpy.ops.rle_splat.apply_preset(preset="x-ray")
+    bpy.ops.rle_splat.apply_preset(preset="faint")
     assert transfer.read_transfer(volume_object).key != saved.key
     assert bpy.ops.rle_splat.apply_own_preset(name="My Head") == {"FINISHED"}
     again = transfer.read_transfer(volume_object)
@@ -80,7 +80,7 @@ def test_names_that_no_file_can_have_are_refused(volume_object, own, refused, na
 def test_a_preset_is_replaced_only_if_asked_to(volume_object, own, refused):
     bpy.ops.rle_splat.save_own_preset(name="Mine")
     before = own.listed()
-    bpy.ops.rle_splat.apply_preset(preset="x-ray")
+    bpy.ops.rle_splat.apply_preset(preset="faint")
     for name in ("Mine", "mine"):  # one file on some systems
         refused(bpy.ops.rle_splat.save_own_preset, "already", name=name)
     assert own.listed() == before
@@ -171,7 +171,7 @@ def test_presets_that_suit_the_modality_come_first(volume_object, own, bridge, m
     suits, others = bridge("look.preset_entries").groups(properties)
     assert suits.label == heading and suits.is_open and not others.is_open
     assert first in [entry.name for entry in suits.entries] and other in [entry.name for entry in others.entries]
-    assert {"AUTO", "x-ray"} <= {entry.name for entry in suits.entries}, "those for any modality suit"
+    assert {"AUTO", "faint"} <= {entry.name for entry in suits.entries}, "those for any modality suit"
 
 
 def test_a_patient_is_offered_no_plants_or_machines(volume_object, bridge):

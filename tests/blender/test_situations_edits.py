@@ -109,14 +109,14 @@ def measured(tmp_path):
 
 def own_preset(tmp_path):
     assert bpy.ops.rle_splat.save_own_preset(name="one color", overwrite=True) == {"FINISHED"}
-    bpy.ops.rle_splat.apply_preset(preset="x-ray")
+    bpy.ops.rle_splat.apply_preset(preset="faint")
 
 
 # operator -> (its options, what stands in for a file in them, what has to be there before)
 EDITS = {
     "import_volume": (dict(filepath="cube.raw", shape=(7, 7, 7), dtype="uint8"), None),
     "relocate": (dict(filepath="elsewhere.raw"), None),
-    "apply_preset": (dict(preset="x-ray"), None),
+    "apply_preset": (dict(preset="faint"), None),
     "load_transfer": (dict(filepath="one_color.json"), None),
     "apply_own_preset": (dict(name="one color"), own_preset),
     "window_level": (dict(center=90.0, width=40.0, keep_values=True), None),

@@ -73,7 +73,7 @@ def test_B45_a_followed_transfer_function(owner, camera):
     scenes.update()
     follows(camera, lambda: setattr(ramp.elements[0], "color", (0.0, 1.0, 0.0, 1.0)))
     follows(camera, lambda: setattr(owner.rle_splat, "opacity_scale", 0.25))
-    follows(camera, lambda: bpy.ops.rle_splat.apply_preset(preset="x-ray"))
+    follows(camera, lambda: bpy.ops.rle_splat.apply_preset(preset="faint"))
 
 
 def test_B45_an_edit_from_python_that_blender_does_not_tell(owner, camera):

@@ -72,7 +72,7 @@ def test_B77_undo_after_preset_and_backdrop(owner, said):
     name = owner.name
     bpy.ops.rle_splat.set_backdrop()
     bpy.ops.ed.undo_push(message="backdrop")
-    bpy.ops.rle_splat.apply_preset("EXEC_DEFAULT", True, preset="x-ray")
+    bpy.ops.rle_splat.apply_preset("EXEC_DEFAULT", True, preset="faint")
     bpy.ops.rle_splat.set_backdrop("EXEC_DEFAULT", True)
     bpy.ops.ed.undo()
     if bpy.data.objects[name].rle_splat.transfer_name != "one color":

@@ -79,7 +79,7 @@ def test_what_is_black_as_in_a_pet_lies_on_white(ball, thumbnails, bridge, cache
 
 
 def test_presets_look_different(ball, thumbnails, bridge, cache):
-    pictures = [picture(thumbnails, bridge, ball, name) for name in ("AUTO", "mr-head", "x-ray", "smoke")]
+    pictures = [picture(thumbnails, bridge, ball, name) for name in ("AUTO", "mr-head", "faint", "smoke")]
     for i, one in enumerate(pictures):
         for other in pictures[:i]:
             assert np.abs(one.astype(int) - other).max() > 10
@@ -101,7 +101,7 @@ def test_the_file_is_named_by_content_alone(ball, thumbnails, bridge, cache, cor
     key_of = core("pipeline.thumbnail").thumbnail_key
     volume = bridge("volumes.volumes").load_volume(ball)
     preset = core("classify.presets").preset
-    keys = {key_of(volume, preset(name)) for name in ("mr-head", "x-ray", "smoke")}
+    keys = {key_of(volume, preset(name)) for name in ("mr-head", "faint", "smoke")}
     other = scenes.import_raw(tmp_path, np.full((4, 5, 6), 9, np.uint8), name="other")
     keys.add(key_of(bridge("volumes.volumes").load_volume(other), preset("mr-head")))
     assert len(keys) == 4 and all(len(key) == 32 and int(key, 16) for key in keys)
@@ -178,7 +178,7 @@ def test_the_timer_makes_what_is_asked_for_in_short_steps(ball, thumbnails, brid
     thumbnails.icon(ball, entry)
     assert not thumbnails._wanted, "it is there"
     assert thumbnails._tick() is None, "nothing is left to do"
-    thumbnails.icon(ball, entries(bridge, ball)["x-ray"])
+    thumbnails.icon(ball, entries(bridge, ball)["faint"])
     shown[0] = False
     assert thumbnails._tick() is None and len(thumbnails.rendered) == 1
     assert not bridge("loop.store").has_any(thumbnails.COARSE) and not thumbnails._wanted

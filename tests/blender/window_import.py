@@ -387,7 +387,7 @@ def check_reload():
     slices.clear()
     before = volumes()[0].rle_splat.transfer_name
     with in_the_view():
-        assert bpy.ops.rle_splat.apply_preset("INVOKE_DEFAULT", preset="x-ray") == {"RUNNING_MODAL"}
+        assert bpy.ops.rle_splat.apply_preset("INVOKE_DEFAULT", preset="faint") == {"RUNNING_MODAL"}
     yield from until(lambda: volumes()[0].rle_splat.transfer_name != before)
     assert len(slices) > 3
     for one in works:

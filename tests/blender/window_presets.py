@@ -146,7 +146,7 @@ def check_from_disk(owner):
     original = thumbnails.thumbnail_steps
     thumbnails.thumbnail_steps = lambda *arguments: rendered.append(arguments) or original(*arguments)
     area_of("VIEW_3D").tag_redraw()
-    yield from until(lambda: {"AUTO", "x-ray"} <= set(pictures()))
+    yield from until(lambda: {"AUTO", "faint"} <= set(pictures()))
     thumbnails.thumbnail_steps = original
     assert not rendered
 

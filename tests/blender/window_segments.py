@@ -27,7 +27,7 @@ from tests.blender.window_driver import (
     window,
 )
 
-BELOW = 27  # pixels from a button to the header under it
+BELOW = 48  # pixels from a button to the second header under it
 FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_segments_"))
 
 

@@ -196,7 +196,7 @@ def test_knobs_that_were_removed(call, plain, tmp_path):
 
 
 def test_a_grid_of_transfer_functions_and_views(figure):
-    titles = texts_of(figure("--compare", "ct-bone", "--compare", "x-ray", "--view", 0, 0, "--view", -90, 0,
+    titles = texts_of(figure("--compare", "ct-bone", "--compare", "faint", "--view", 0, 0, "--view", -90, 0,
                              "--mode", "mip", functions=()) / "fig.svg")  # fmt: skip
     named = [text for text in titles if "zimuth" in text]
     assert " ".join(titles).count("CT Bone") == 2 and len(named) >= 2

@@ -16,7 +16,7 @@ from tests.cli.conftest import ROOT, SHAPE_XYZ, ball
 
 pytestmark = pytest.mark.usefixtures("by_numpy")  # no kernels to compile
 
-QUICK = ["--size", "24", "--quality", "draft", "--preset", "x-ray"]
+QUICK = ["--size", "24", "--quality", "draft", "--preset", "faint"]
 
 
 @pytest.fixture
@@ -51,7 +51,7 @@ def test_frames_are_numbered_pictures_with_the_look_of_the_first(sequence, call,
 
 
 def test_all_frames_have_the_plan_of_the_first(sequence, call, raw_options, tmp_path):
-    words = ("--size", "24", "--preset", "x-ray", "--json", tmp_path / "report.json")
+    words = ("--size", "24", "--preset", "faint", "--json", tmp_path / "report.json")
     done = call("render", sequence, "-o", tmp_path / "out.npy", "--frames", 1, 2, *words, *raw_options)
     assert done.code == 0, done.err
     plans = [frame["plan"] for frame in json.loads((tmp_path / "report.json").read_text())["frames"]]

@@ -53,7 +53,7 @@ def test_edges_of_labels_show_voxels_where_that_is_wanted(picture, labels, write
 
 def test_a_label_by_preset_or_by_function(picture, labels, write_json, function_file):
     own = json.loads(function_file.read_text())
-    functions = [{"label": 1, "preset": "x-ray"}, {"label": 2, "transfer_function": own}]
+    functions = [{"label": 1, "preset": "faint"}, {"label": 2, "transfer_function": own}]
     rgba, report = picture("--labels", labels, "--label-functions", write_json(functions))
     whole, _ = picture()
     np.testing.assert_allclose(rgba[:, 22:], whole[:, 22:], atol=0.02)
@@ -267,6 +267,6 @@ def test_labels_of_another_number_of_frames_are_said(scan, organs, sentence, cal
         image = nibabel.Nifti1Image(voxels if frames > 1 else voxels[..., 0], np.eye(4))
         nibabel.save(image, tmp_path / f"{name}.nii.gz")
     more = ("--frame", "3") if scan == 3 else ()
-    result = call("render", tmp_path / "beat.nii.gz", "--labels", tmp_path / "organs.nii.gz", "--preset", "window",
+    result = call("render", tmp_path / "beat.nii.gz", "--labels", tmp_path / "organs.nii.gz", "--preset", "gray",
                   "--size", "16", "-o", tmp_path / "out.png", *more)  # fmt: skip
     assert result.code == 0 and sentence in result.out and bool(sentence) == ("The segmentation file has" in result.out)

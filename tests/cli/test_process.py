@@ -168,7 +168,7 @@ def test_ctrl_c_leaves_nothing_half_made(tmp_path):
     np.random.default_rng(1).integers(0, 256, 96**3, dtype=np.uint8).tofile(volume)
     output.write_bytes(b"old")
     before = sorted(tmp_path.iterdir())
-    words = ("--shape", 96, 96, 96, "--dtype", "uint8", "--size", 1500, "--preset", "x-ray")
+    words = ("--shape", 96, 96, 96, "--dtype", "uint8", "--size", 1500, "--preset", "faint")
     process = start("render", volume, *words, "-o", output, "--progress", NUMBA_DISABLE_JIT="1")
     seen = b""
     while b"Splatting" not in seen and process.poll() is None:

@@ -9,7 +9,7 @@ import pytest
 from rle_splat.cli.rows import TiffRows
 from rle_splat.pipeline import tiles
 
-QUICK = ["--size", "61x50", "--preset", "x-ray"]
+QUICK = ["--size", "61x50", "--preset", "faint"]
 
 
 def pixels(path):
@@ -44,7 +44,7 @@ def test_every_format_has_the_pixels_of_the_whole_picture(raw, raw_options, call
 
 
 def test_a_memory_limit_chooses_tiles(raw, raw_options, call, tmp_path, monkeypatch):
-    words = ("render", raw, *raw_options, "--preset", "x-ray", "-o", tmp_path / "a.npy", "--json", tmp_path / "r.json")
+    words = ("render", raw, *raw_options, "--preset", "faint", "-o", tmp_path / "a.npy", "--json", tmp_path / "r.json")
     assert call(*words, "--size", "32", "--memory-limit", "4GiB").code == 0
     assert "tiles" not in json.loads((tmp_path / "r.json").read_text())
     monkeypatch.setattr(tiles, "choose_tile_side", lambda *_: 16)

@@ -187,6 +187,10 @@ def test_the_reference_lists_every_operator_with_its_tooltip():
     for texts in operators.values():
         section = text.partition(f"`bpy.ops.{texts['bl_idname']}()`. ")
         assert f"## {texts['bl_label']}\n" in section[0] and len(section[2].partition("\n")[0]) > 10, texts
+    for row in ("| `of_file` | Channels of the File | `False` |", "| `use_meshes` | Meshes Hide Volume | unset |"):
+        assert row in text
+    assert "| `directory` | Folder |" in text.partition("## Import DICOM Series\n")[2].partition("\n## ")[0]
+    assert "`use_dialog`" not in text and "`filter_glob`" not in text
 
 
 def test_the_reference_lists_every_panel_with_its_settings():
@@ -195,9 +199,10 @@ def test_the_reference_lists_every_panel_with_its_settings():
     assert len(panels) > 10
     for texts in panels.values():
         assert "bl_label" not in texts or f"> {texts['bl_label']}" in text, texts
-    for label in ("*Maximum Error*", "*Ambient Occlusion*", "*Keep Up to Date*", "*Level*", "*Add Box*, *Add Plane*",
+    for label in ("*Maximum Error*", "*Ambient Occlusion*", "Camera View > *Keep Up to Date*", "*Level*",
+                  "*Add Box*, *Add Plane*",
                   "*Axial*, *Coronal*, *Sagittal*", "*Insert Keyframes*", "Segment Tools > *Hide Table*",
-                  "*Remove Channel (icon)*", "*Depth*", "*Meshes Hide Volume*",
+                  "*Remove Channel (icon)*", "Camera View > *Preview Position*", "*Meshes Hide Volume*",
                   "*White Background*, *Black Background*", "*Cut Along View*"):  # fmt: skip
         assert f"| {label} | " in text, label
     for label in ("Add Slice", "Add Cutting Object", "Chosen Segment"):
@@ -207,6 +212,7 @@ def test_the_reference_lists_every_panel_with_its_settings():
     for section in text.split("\n## "):
         rows = re.findall(r"^\| (.+?) \|", section, re.MULTILINE)
         assert len(rows) == len(set(rows)), section.partition("\n")[0]
+    assert text.count("Import Volume…") == 1 and text.index("\n## Segments") < text.index("\n## Channels")
 
 
 def test_the_reference_explains_every_setting():

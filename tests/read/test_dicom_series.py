@@ -306,8 +306,8 @@ def test_slices_of_the_series_that_are_left_out_are_told(tmp_path: Path, last: b
         assert (
             f"1 file of this series was left out: {paths[-1].name} is a color picture; choose a series with one gray "
             "value in each voxel.",
-            "1 slice of this series was left out, because size, direction, pixel spacing or place does not fit the "
-            "others; the volume is interpolated or ends there.",
+            "1 slice of this series was left out: size, direction, spacing or place differs. The volume is "
+            "interpolated or ends there.",
         ) == volume.remarks[:2]
         assert volume.remarks[2:] == (() if last else ("1 slice is missing and was interpolated: number 5 of 8.",))
 

@@ -27,7 +27,7 @@ def test_pages_in_order(tmp_path, compression, order):
     np.testing.assert_array_equal(volume.voxels, pages_by_pillow(path))
     np.testing.assert_array_equal(volume.voxels, VALUES)
     assert volume.voxels.dtype == np.uint16 and volume.space is None
-    assert "states no spacing; 1 x 1 x 1 mm" in volume.remarks[-1]
+    assert "states no spacing; 1 × 1 × 1 mm" in volume.remarks[-1]
     assert read_volume(path, spacing=(0.5, 0.5, 2.0), unit="um").spacing.tolist() == [0.5, 0.5, 2.0]
 
 

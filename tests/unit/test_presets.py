@@ -15,7 +15,7 @@ from rle_splat.volume.volume import Volume
 
 DATA = Path(os.environ.get("RLE_SPLAT_DATA") or Path(__file__).resolve().parents[2] / "../shared/data")
 REQUIRED = (
-    "ct-bone", "ct-soft-tissue", "ct-lung", "ct-angiography", "mr-head", "mr-angiography", "x-ray", "smoke"
+    "ct-bone", "ct-soft-tissue", "ct-lung", "ct-angiography", "mr-head", "mr-angiography", "faint", "smoke"
 )  # fmt: skip
 
 
@@ -102,9 +102,9 @@ def test_other_values_get_the_points_on_their_percentiles():
 def test_padding_below_air_does_not_move_a_preset():
     voxels = np.linspace(-1000, 1000, 1000).astype(np.int16)
     voxels[:200] = -3024
-    low, high = fit_preset("x-ray", volume_of(voxels.reshape(10, 10, 10), value_unit="HU"))[0].span
+    low, high = fit_preset("faint", volume_of(voxels.reshape(10, 10, 10), value_unit="HU"))[0].span
     assert low == -1030.0 and 990.0 < high <= 1000.0
-    assert fit_preset("x-ray", volume_of(voxels.reshape(10, 10, 10)))[0].span[0] == -3024.0
+    assert fit_preset("faint", volume_of(voxels.reshape(10, 10, 10)))[0].span[0] == -3024.0
 
 
 def test_fitting_survives_values_that_are_nearly_all_alike():
@@ -134,7 +134,7 @@ def test_presets_keep_a_plausible_share_of_real_scans(name, options, choice, low
     assert share == (volume.voxels > shown_from(volume, choice)).mean() and low < share < high
 
 
-@pytest.mark.parametrize("choice", ["xa-limb", "ct-bone", "x-ray", "ct-skin"])
+@pytest.mark.parametrize("choice", ["xa-limb", "ct-bone", "faint", "ct-skin"])
 def test_the_noise_of_the_foot_is_transparent(choice):
     volume = scan("foot_256x256x256_uint8_fromjpeg.raw.gz")
     assert fit_preset(choice, volume)[0].alpha_at(np.arange(11)).max() == 0.0

@@ -49,7 +49,7 @@ def test_every_layout_is_read_exactly(tmp_path, dtype, order, suffix, header):
 
 def test_missing_spacing_is_remarked_and_given_spacing_is_not(tmp_path):
     path = write(tmp_path / "a.raw", voxels_of("uint8").tobytes())
-    assert any("1 x 1 x 1 mm" in r for r in read_volume(path, shape=SHAPE, dtype="uint8").remarks)
+    assert any("1 × 1 × 1 mm" in r for r in read_volume(path, shape=SHAPE, dtype="uint8").remarks)
     assert read_volume(path, shape=SHAPE, dtype="uint8", spacing=(1, 1, 1)).remarks == ()
 
 

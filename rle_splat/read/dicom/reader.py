@@ -226,8 +226,8 @@ def _slices_left_out(groups, group: Group, named: bool) -> list[str]:
     if odd:
         count = sum(len(frame) for other in odd for frame in other.frames)
         remarks.append(
-            f"{_say_how_many(count, 'slice', ' of this series')} left out, because size, direction, pixel spacing or "
-            "place does not fit the others; the volume is interpolated or ends there."
+            f"{_say_how_many(count, 'slice', ' of this series')} left out: size, direction, spacing or place differs. "
+            "The volume is interpolated or ends there."
         )
     if further:
         were = "was" if further == 1 else "were"
