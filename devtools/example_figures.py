@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import io
 import json
-import math
 import os
 import re
 import sys
@@ -39,7 +38,6 @@ FIRST = "--fit", "0.9", "--quality", "fine"
 TURNED = "--azimuth", "35", "--elevation", "20"
 LIT = "--shadows", "--world", "0.15", "0.15", "0.18", "--ambient-occlusion", "1", "--lights"
 CLOSE = ("--azimuth", "30", "--elevation", "20", "--fit", "0.42", "--size", "400")
-OPENING, FRONT, BACK, DARK = 40, -105.0, 5.0, (0.03, 0.03, 0.035)  # frames; mm from the middle; a color
 STEPS = (  # of the strip, after the slices: pictures of the documentation, and the part of each
     ("tutorial-3-preset", (230, 310, 790, 730)), ("tutorial-4-cut", (60, 162, 920, 807)),
     ("gallery-skull", (0, 0, 1600, 1200)),
@@ -155,29 +153,6 @@ def picture_and_depth(folder: Path) -> None:
     beside(folder, "how-to-python", shown, depth, opened)
 
 
-def opening(folder: Path) -> None:
-    """how-to-opening.webp: a plane cuts the skull open while the camera turns, there and back."""
-    import rle_splat as rs
-
-    volume, cache, frames = rs.read_volume(skull_words(folder)[0]), rs.StageCache(), []
-    function = rs.TransferFunction.from_json(folder / "bone.json")
-    body = rs.hide_table(volume, function)
-    for number in range(OPENING):
-        done = 0.5 - 0.5 * math.cos(math.pi * number / (OPENING - 1))
-        camera, matrix = rs.turntable(volume, azimuth=35.0 - 25.0 * done, elevation=15.0 + 10.0 * done, fit=0.95)
-        place = rs.turntable_aim(volume, matrix) + (0.0, FRONT + done * (BACK - FRONT), 0.0)
-        cut = rs.Clip(kind="plane", matrix_world=rs.look_at(place, place + (0.0, 1.0, 0.0)))
-        scene = rs.Scene(
-            volume, function, camera, width=PYTHON, height=PYTHON, volume_matrix=matrix, clips=(cut,), labels=body,
-            world=(0.3, 0.3, 0.33), ambient_occlusion=1.0, smooth_outlines=True,
-        )  # fmt: skip
-        made = rs.render(scene, rs.Quality.preset("fine"), cache=cache)
-        frames.append(Image.fromarray(to_bytes(made.rgba, DARK)).convert("RGB"))
-    frames += frames[-1:] * 8 + frames[::-1] + frames[:1] * 4  # it rests at both ends
-    frames[0].save(folder / "how-to-opening.webp", save_all=True, append_images=frames[1:], duration=MILLISECONDS,
-                   loop=0, quality=70, method=6)  # fmt: skip
-
-
 def example_of_the_readme(folder: Path) -> None:
     """readme-python.jpg: what the Python code of the README makes of a brain."""
     scan = data_folder() / BRAIN
@@ -213,7 +188,6 @@ def from_parts(folder: Path) -> None:
         draw.rectangle((x + 1, y + 1, x + TILE - 2, y + TILE - 2), outline=color, width=3)
     beside(folder, "how-to-tiles", tiled, whole)
     picture_and_depth(folder)
-    opening(folder)
     example_of_the_readme(folder)
     effects(folder)
     strip(folder)

@@ -32,11 +32,11 @@ MM = 0.001
 PLATE = -112.0  # the height of the slice above the middle of the scan
 # Names, the place of each in mm from the middle of the scan, and that of its text in the picture, in widths.
 NAMES = (
-    ("Right brachiocephalic vein", (-46.0, -21.0, 93.0), (-0.243, 0.27)),
-    ("Brachiocephalic trunk", (-26.0, -19.0, 88.0), (-0.243, 0.21)),
-    ("Ascending aorta", (-12.0, -28.0, 52.0), (-0.243, 0.145)),
-    ("Pulmonary trunk", (22.0, -22.0, 45.0), (-0.243, 0.08)),
-    ("Right ventricle", (10.0, -60.0, -33.0), (-0.243, -0.04)),
+    ("Right brachiocephalic vein", (-46.0, -21.0, 93.0), (-0.238, 0.27)),
+    ("Brachiocephalic trunk", (-26.0, -19.0, 88.0), (-0.238, 0.21)),
+    ("Ascending aorta", (-12.0, -28.0, 52.0), (-0.238, 0.145)),
+    ("Pulmonary trunk", (22.0, -22.0, 45.0), (-0.238, 0.08)),
+    ("Right ventricle", (10.0, -60.0, -33.0), (-0.238, -0.04)),
     ("Stent graft", (14.0, 17.0, 82.0), (0.257, 0.255)),
     ("False lumen", (18.0, 58.0, 40.0), (0.257, 0.195)),
     ("Left pulmonary artery", (29.0, 26.0, 43.0), (0.257, 0.125)),
@@ -65,7 +65,7 @@ SMOOTHING = (
 # veins that are as dense; the right clavicle, and the ribs before the aorta.
 CUTS = (
     ((-100.0, -100.0, 108.0), (100.0, 100.0, 140.0)),
-    ((-100.0, -100.0, 99.0), (100.0, 5.0, 140.0)),
+    ((-100.0, -100.0, 99.0), (100.0, 2.0, 140.0)),
     ((-100.0, -100.0, 86.0), (-30.0, -22.0, 140.0)),
     ((70.0, -100.0, 50.0), (100.0, 40.0, 140.0)),
 )
