@@ -15,7 +15,7 @@ from mathutils import Matrix, Vector
 
 MM = 0.001
 UPRIGHT = Matrix.Rotation(1.5707963, 4, "X")  # texts that are read from the front
-BLACK = (0.0, 0.0, 0.0)
+BLACK, WHITE = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
 # Of the cortex, for each channel: level, window, opacity unit distance in µm, name, and the color of the name.
 CHANNELS = (
     (1650.0, 1500.0, 8.0, "Labeled cells", (0.0, 1.0, 0.0)),
@@ -184,6 +184,9 @@ def pet(stage: Stage):
         letters(body, to(x, y), 36 * MM, black)
     for body, x in (("Anterior", 0), ("Right lateral", ASIDE)):
         letters(body, to(x, 474), 28 * MM, black)
+    white = shining("Names on Black", WHITE)
+    for body, x, y in (("Heart", 39, 137), ("Bladder", -6, -208)):  # else they may be taken for tumors
+        letters(body, to(x, y), 22 * MM, white)
     corners = [
         to(NECK.x + x * HALF.x, NECK.z + z * HALF.z).translation for x, z in ((-1, -1), (1, -1), (1, 1), (-1, 1))
     ]
