@@ -127,7 +127,7 @@ def picture_and_depth(folder: Path) -> None:
         width=PYTHON,
         height=PYTHON,
         volume_matrix=matrix,
-        labels=rs.hide_table(volume, function),
+        labels=rs.body_labels(volume, function),
         smooth_outlines=True,
     )
     made = rs.render(scene, rs.Quality.preset("fine"))
@@ -161,7 +161,7 @@ def opening(folder: Path) -> None:
 
     volume, cache, frames = rs.read_volume(skull_words(folder)[0]), rs.StageCache(), []
     function = rs.TransferFunction.from_json(folder / "bone.json")
-    body = rs.hide_table(volume, function)
+    body = rs.body_labels(volume, function)
     for number in range(OPENING):
         done = 0.5 - 0.5 * math.cos(math.pi * number / (OPENING - 1))
         camera, matrix = rs.turntable(volume, azimuth=35.0 - 25.0 * done, elevation=15.0 + 10.0 * done, fit=0.95)

@@ -4,6 +4,7 @@ The content tells them apart: XML begins with ``<``, JSON with ``{`` and has key
 """
 
 from dataclasses import replace
+from os import PathLike
 from pathlib import Path
 
 from ..runtime.steps import drain
@@ -20,7 +21,7 @@ SUFFIXES = (".json", ".xml", ".mrml", ".vp", ".cmap")  # for choosing a file
 MOST_BYTES = 1 << 26  # a scene of Slicer's may list many nodes; a scan chosen by mistake is larger
 
 
-def read_transfer_functions(path) -> tuple[FileFunction, ...]:
+def read_transfer_functions(path: str | PathLike) -> tuple[FileFunction, ...]:
     """Read all transfer functions of a file.
 
     Parameters

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import partial
+from os import PathLike
 from reprlib import repr as short
+from typing import Literal, get_args
 
 import numpy as np
 
 from .checks import LARGEST_SHARE, as_matrix, from_mapping, identity, is_finite_number, positive, read_json
 from .errors import RleSplatError
 
-CAMERA_TYPES = ("PERSP", "ORTHO")
-SENSOR_FITS = ("AUTO", "HORIZONTAL", "VERTICAL")
+CameraType = Literal["PERSP", "ORTHO"]
+SensorFit = Literal["AUTO", "HORIZONTAL", "VERTICAL"]
+CAMERA_TYPES = get_args(CameraType)
+SENSOR_FITS = get_args(SensorFit)
 MOST_BLADES = 64
 
 
@@ -60,11 +64,11 @@ class Camera:
     """
 
     matrix_world: np.ndarray = field(default_factory=identity)
-    type: str = "PERSP"
+    type: CameraType = "PERSP"
     lens: float = 50.0
     sensor_width: float = 36.0
     sensor_height: float = 24.0
-    sensor_fit: str = "AUTO"
+    sensor_fit: SensorFit = "AUTO"
     ortho_scale: float = 6.0
     shift_x: float = 0.0
     shift_y: float = 0.0
@@ -124,6 +128,6 @@ class Camera:
         put("pixel_aspect", tuple(positive(a, "The camera's pixel_aspect", *limits) for a in aspect))
 
     @classmethod
-    def from_json(cls, path) -> Camera:
+    def from_json(cls, path: str | PathLike) -> Camera:
         """Read a Camera from a JSON file whose keys are the parameter names."""
         return from_mapping(cls, read_json(path, "the camera file"), "The camera file")

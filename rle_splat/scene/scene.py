@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from reprlib import repr as short
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -25,7 +26,8 @@ if TYPE_CHECKING:
     from ..volume.volume import Volume
 
 # What a pixel shows of the values along its ray; see effects/ray_values.py. Shown in help texts and tooltips.
-MODE_TEXTS = {
+Mode = Literal["composite", "xray", "mip", "minip", "average"]
+MODE_TEXTS: dict[Mode, str] = {
     "composite": "emission and absorption (front to back)",
     "xray": "absorption only (dense tissue is bright)",
     "mip": "largest value along the ray (in the colors of the transfer function)",
@@ -151,7 +153,7 @@ class Scene:
     effects: dict[str, bool] = field(default_factory=dict)
     motion: tuple = ()
     clips: tuple = ()
-    mode: str = "composite"
+    mode: Mode = "composite"
     mist: Mist | None = None
     smooth_outlines: bool = False
     volume_shadows: bool = False
@@ -295,7 +297,7 @@ class Rendering:
     depth: np.ndarray
     report: dict
 
-    def to_srgb(self, background=None) -> np.ndarray:
+    def to_srgb(self, background: Sequence[float] | None = None) -> np.ndarray:
         """The pixels for display, such as for Pillow or matplotlib.
 
         Parameters

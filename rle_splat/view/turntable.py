@@ -1,6 +1,7 @@
 """Turntable camera: looks at the center of a volume from an azimuth and an elevation."""
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..scene import Camera, RleSplatError
 from ..scene.checks import refuse_array
@@ -141,7 +142,7 @@ def distance_to_see(extent, slopes) -> float:
     return float((extent[:, :2] / np.asarray(slopes, np.float64) + extent[:, 2:]).max())
 
 
-def turntable_aim(volume: Volume, volume_matrix, scene_scale: float = 1.0) -> np.ndarray:
+def turntable_aim(volume: Volume, volume_matrix: ArrayLike, scene_scale: float = 1.0) -> np.ndarray:
     """Find the point that ``turntable`` looks at.
 
     Parameters
@@ -160,4 +161,4 @@ def turntable_aim(volume: Volume, volume_matrix, scene_scale: float = 1.0) -> np
     if volume.space != PATIENT:
         return 0.5 * (np.array(volume.shape_xyz) - 1) * volume.spacing * scene_scale
     middle = volume.affine @ (*(0.5 * (np.array(volume.shape_xyz) - 1)), 1.0)
-    return (volume_matrix @ (*(middle[:3] * scene_scale), 1.0))[:3]
+    return (np.asarray(volume_matrix) @ (*(middle[:3] * scene_scale), 1.0))[:3]

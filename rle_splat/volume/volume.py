@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..runtime.steps import drain
 from ..scene import RleSplatError, as_matrix
@@ -188,7 +189,7 @@ class Volume:
             self.measured[name] = make()
         return self.measured[name]
 
-    def physical(self, stored) -> np.ndarray:
+    def physical(self, stored: ArrayLike) -> np.ndarray:
         """Convert stored values to physical values, float64."""
         return np.asarray(stored, dtype=np.float64) * self.slope + self.intercept
 
