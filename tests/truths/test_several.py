@@ -189,6 +189,6 @@ def test_boxes_that_hide_each_other_in_a_circle_are_one_group():
         tilt[:3, :3] = ((1, 0, 0), (0, 1, 0), (0.35, 0, 1))
         spin = np.array(((c, -s, 0, 0), (s, c, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)))
         bars.append(box_of(spin @ moved((-12.0, -8.0, 0)) @ tilt @ long, (N, N, N)))
-    camera = Camera(moved((0.0, 0.0, 90.0)), type="ORTHO")
+    camera = Camera(moved((0.0, 0.0, 90.0)), type="ORTHO", ortho_scale=8.0)
     assert near_to_far(bars, camera) == [[0, 1, 2]]
     assert sorted(near_to_far(bars[:2], camera)) == [[0], [1]]
