@@ -141,6 +141,7 @@ def fit_preset(name: str, volume: Volume) -> tuple[TransferFunction, str | None]
     name : str
         One of ``preset_names()``, such as "ct-bone".
     volume : Volume
+        The scan that it is to show.
 
     Returns
     -------

@@ -27,6 +27,7 @@ def read_transfer_functions(path: str | PathLike) -> tuple[FileFunction, ...]:
     Parameters
     ----------
     path : str or Path
+        A transfer function of RLE Splat, presets of 3D Slicer, or a color map of niivue or FSL.
 
     Returns
     -------
@@ -124,6 +125,7 @@ def fit_function(function: TransferFunction, volume: Volume) -> TransferFunction
         Points of the unit "relative" are from 0 to 1, over the values of a volume; those of "maximum" are shares of the
         largest value.
     volume : Volume
+        The scan that it is to show.
 
     Returns
     -------

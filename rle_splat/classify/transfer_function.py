@@ -197,6 +197,7 @@ class TransferFunction:
     Parameters
     ----------
     name : str
+        For captions and reports.
     unit : str or None
         Unit of the values ("HU"); None for arbitrary units.
     opacity : sequence of (value, alpha)

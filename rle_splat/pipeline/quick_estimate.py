@@ -32,7 +32,9 @@ def estimate_memory(
     Parameters
     ----------
     volume : Volume
+        The scan.
     transfer_function : TransferFunction
+        That of the scene, which decides on the visible voxels.
     quality : Quality or str, optional
         As ``render`` takes it.
     axes : int
@@ -46,6 +48,7 @@ def estimate_memory(
     Returns
     -------
     MemoryEstimate
+        ``needed`` is the number of bytes still to be allocated.
     """
     shaded = transfer_function.shade is not None if shaded is None else shaded
     count = count_in_planes(volume, transfer_function)

@@ -69,6 +69,7 @@ def render(
     Parameters
     ----------
     scene : Scene
+        What the picture depends on.
     quality : Quality or str, optional
         The settings, or the name of a preset: "draft", "standard", "fine" or "strict". Left out, "standard".
     progress : callable, optional

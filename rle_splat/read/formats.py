@@ -300,6 +300,7 @@ def write_volume(volume: Volume, path: str | PathLike) -> dict:
     Parameters
     ----------
     volume : Volume
+        What the file is to hold.
     path : str or Path
         The format follows from the suffix. The file appears under this name only when it is complete.
 

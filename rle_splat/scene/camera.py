@@ -30,11 +30,13 @@ class Camera:
         Camera space to world space. The camera looks along its -Z axis with +Y up. Scale in the matrix is ignored,
         as Blender does.
     type : {"PERSP", "ORTHO"}
+        Perspective or orthographic.
     lens : float
         Focal length in mm.
     sensor_width, sensor_height : float
         Size of the sensor in mm.
     sensor_fit : {"AUTO", "HORIZONTAL", "VERTICAL"}
+        The side of the picture that the sensor, or ``ortho_scale``, spans; "AUTO" is the longer one.
     ortho_scale : float, optional
         Size of the view of an orthographic camera along the fitted sensor side, in world units; it needs one.
     shift_x, shift_y : float

@@ -24,6 +24,7 @@ class Light:
     Parameters
     ----------
     type : {"SUN", "POINT", "SPOT", "AREA"}
+        As in Blender. A SUN shines from infinitely far away.
     color : (3,) sequence of float
         Scene-linear RGB.
     energy : float

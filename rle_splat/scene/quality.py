@@ -318,7 +318,9 @@ class Quality:
         Parameters
         ----------
         name : {"draft", "standard", "fine", "strict"}
+            From the fastest to the most accurate.
         classification : {"post", "pre"}
+            As the field of this name.
         **overrides
             Fields of Quality that differ from the preset.
 

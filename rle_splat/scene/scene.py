@@ -74,8 +74,11 @@ class Scene:
     Parameters
     ----------
     volume : Volume
+        The scan; or a StoredVolume, which has no values.
     transfer_function : TransferFunction
+        Opacity and color of the values.
     camera : Camera
+        Where the picture is seen from.
     width, height : int
         Size of the whole frame in pixels.
     volume_matrix : (4, 4) array_like
@@ -84,6 +87,7 @@ class Scene:
     scene_scale : float
         World units per unit of the volume.
     lights : tuple of Light
+        Lamps; without any, and without a headlight and a world, colors are not shaded.
     headlight : bool
         Whether a white parallel light shines along the camera's axis. Without any light, colors are not shaded.
     triangles : (n, 3, 3) ndarray of float64 or None
@@ -109,6 +113,7 @@ class Scene:
     mode : {"composite", "xray", "mip", "minip", "average"}
         What a pixel shows of the values along its ray.
     mist : Mist or None
+        Color that hides what is far away.
     smooth_outlines : bool
         Whether outlines are smooth: the picture is the mean of four, each shifted by a part of a pixel.
     volume_shadows : bool
@@ -123,6 +128,7 @@ class Scene:
     indirect_light : float
         Amount, 0 to 1, of light that is scattered on its way from lamps that cast shadows; ``post`` alone has it.
     labels : Labels or None
+        Segments with looks of their own, or hidden.
     channels : tuple of Channel
         Further volumes on the same grid. Extinctions are added; colors are averaged by extinction, or added where the
         volumes have colors and no transfer function shades.

@@ -19,6 +19,7 @@ def turntable(
     Parameters
     ----------
     volume : Volume
+        The scan, whose middle is looked at.
     azimuth, elevation : float
         Degrees. 0 and 0 look along +Y with +Z up. Azimuth 90 is from a patient's left (+X), elevation 90 from above.
     fit : float
@@ -33,6 +34,7 @@ def turntable(
     Returns
     -------
     camera : Camera
+        Orthographic, unless ``perspective`` is set.
     volume_matrix : (4, 4) ndarray of float64
         Matrix of the volume object. For a volume in patient space the identity: the world is LPS, and azimuth 0 shows
         the face. For any other it undoes the rotation of the volume's affine, so that the world's axes are the voxel
@@ -148,6 +150,7 @@ def turntable_aim(volume: Volume, volume_matrix: ArrayLike, scene_scale: float =
     Parameters
     ----------
     volume : Volume
+        The scan.
     volume_matrix : (4, 4) array_like
         As ``turntable`` returns it.
     scene_scale : float

@@ -28,6 +28,7 @@ class NamedLabel:
     label : int
         Value of the label's voxels.
     name : str
+        Such as "Liver".
     color : (3,) tuple of float or None
         Scene-linear RGB.
     """
@@ -58,6 +59,7 @@ class Volume:
     background : float
         Stored value outside the grid.
     name : str
+        For messages, captions and ``default_transfer_function``, such as the name of the file.
     remarks : tuple of str
         Sentences about anything unusual in the data.
     space : {"patient"} or None

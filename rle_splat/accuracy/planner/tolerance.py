@@ -57,6 +57,7 @@ def render_within(
     Parameters
     ----------
     scene : Scene
+        What the picture depends on.
     tolerance : float
         The largest error allowed of any channel of scene-linear, premultiplied RGBA, in 8-bit steps of 1/255.
     quality : Quality or str, optional
