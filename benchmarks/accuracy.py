@@ -11,6 +11,7 @@ import json
 import re
 import sys
 from dataclasses import dataclass, replace
+from itertools import groupby
 from pathlib import Path
 from statistics import geometric_mean
 
@@ -214,6 +215,12 @@ def knob_points(report: dict, names: dict, knob: str) -> list[tuple[str, float, 
     return found
 
 
+def families(points) -> list[list]:
+    """The points of a knob in their order, those of preintegrated depth rules apart: a line from one to others would
+    look like a trend."""
+    return [list(family) for _, family in groupby(points, lambda point: point[0].startswith("preintegrated"))]
+
+
 def knobs_table(measured: dict, names: dict) -> str:
     """Error and time of each knob's values as factors of standard, geometric means over the subjects."""
     rows = []
@@ -284,15 +291,16 @@ def fronts_plot(views: dict, path: Path) -> None:
 
 
 def knobs_plot(measured: dict, names: dict, path: Path) -> None:
-    """A column a knob: error above, time below, a line a subject."""
+    """A column a knob: error above, time below, a line a subject and a family of values."""
     knobs = [knob for knob in KNOBS if len(knob_points(*_first(measured, names), knob)) > 1]
     figure = new_figure((2.6 * len(knobs), 6.4))
     grid = figure.subplots(2, len(knobs), sharex="col", sharey="row")
     for (above, below), knob in zip(grid.T, knobs):
         for (title, report), color in zip(measured.items(), SERIES):
-            values, errors, times = zip(*knob_points(report, names[title], knob))
-            above.plot(values, errors, "o-", ms=4, color=color, label=title)
-            below.plot(values, times, "o-", ms=4, color=color)
+            for n, family in enumerate(families(knob_points(report, names[title], knob))):
+                values, errors, times = zip(*family)
+                above.plot(values, errors, "o-", ms=4, color=color, label=None if n else title)
+                below.plot(values, times, "o-", ms=4, color=color)
         above.set_title(f"{knob}\nagainst {AGAINST[knob]}" if knob in AGAINST else knob, fontsize=10)
         below.tick_params(axis="x", rotation=60, labelsize=9)
         for axes in (above, below):

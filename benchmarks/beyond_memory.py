@@ -23,7 +23,7 @@ import numpy as np
 
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.cli.options import CUSTOM_QUALITY, memory_size
-from rle_splat.encode.store import load_encoded
+from rle_splat.encode.store import read_encoded
 from rle_splat.pipeline.fitting import fitting_steps
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.stage_cache import StageCache
@@ -119,7 +119,7 @@ def frames(args) -> int:
     quality, cache = quality_of(args.classification), StageCache()
     began = time.perf_counter()
     is_folder = args.frames.is_dir()
-    volume = load_encoded(args.frames) if is_folder else read_volume(args.frames, shape=args.shape, dtype="uint16")
+    volume = read_encoded(args.frames) if is_folder else read_volume(args.frames, shape=args.shape, dtype="uint16")
     scene = scene_of(volume, args.view, not is_folder)
     seconds, spent, halvings, shown = [], [], 0, None
     for _ in range(1 if args.coarse else args.repeats + 1):

@@ -27,7 +27,7 @@ import numpy as np
 from rle_splat import Quality, Scene, read_volume
 from rle_splat.classify.default import default_transfer_function
 from rle_splat.cli.images import writer_for
-from rle_splat.encode.store import load_encoded
+from rle_splat.encode.store import read_encoded
 from rle_splat.pipeline import render as pipeline
 from rle_splat.pipeline.sections import SectionImages, over
 from rle_splat.runtime.steps import Clock, drain
@@ -186,7 +186,7 @@ def drawn(volume: Path, side: int, size: int):
 
 def checked_seconds(tables: Path) -> float:
     """Processor seconds until the tables of a folder are opened and checked for a view along y."""
-    return seconds_of(lambda: drain(load_encoded(tables).tables_steps(1)))
+    return seconds_of(lambda: drain(read_encoded(tables).tables_steps(1)))
 
 
 def cover_seconds(pixels: int) -> float:

@@ -19,7 +19,7 @@ import time
 from collections import Counter
 from pathlib import Path
 
-from rle_splat.encode.store import load_encoded
+from rle_splat.encode.store import read_encoded
 from rle_splat.pipeline.render import render
 
 from .beyond_memory import FUNCTION, VIEWS, make_volume, quality_of, scene_of
@@ -42,7 +42,7 @@ def digest_of(path: Path, classification: str) -> str:
     """Hash of the pictures along all axes."""
     found = hashlib.sha256()
     for view in VIEWS:
-        shown = render(scene_of(load_encoded(path), view, headlight=False), quality_of(classification))
+        shown = render(scene_of(read_encoded(path), view, headlight=False), quality_of(classification))
         found.update(shown.rgba.tobytes())
     return found.hexdigest()
 

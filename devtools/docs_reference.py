@@ -137,6 +137,7 @@ def formats() -> str:
 
 
 SECTION = re.compile(r"^(\w[\w ]*)\n-{3,}$", re.MULTILINE)
+DOCUMENTED = re.compile(rf"\b(?:{'|'.join(name for name in rle_splat.__all__ if name[0].isupper())})\b")
 ENTRY = re.compile(r"^(\S.*)\n?((?:^(?:[ ]{4}.*)?\n?)*)", re.MULTILINE)  # of a section: a name, and what it means
 
 
@@ -207,8 +208,14 @@ def _docstring(text: str) -> str:
 
 
 def _entry(head: str, rest: str) -> str:
-    """A parameter or a returned value: its name and type as code, and what it means."""
-    return f"- `{head}`" + (f": {_sentence(_prose(rest))}" if rest.strip() else "")
+    """A parameter or a returned value: its name and type as code, and what it means; types of this page are links."""
+    name, _, kind = head.partition(" : ")
+    linked = DOCUMENTED.sub(lambda found: f"[{found[0]}](#{found[0].lower()})", kind or name)
+    if linked == (kind or name):
+        shown = f"`{head}`"
+    else:
+        shown = f"`{name}` ({linked})" if kind else linked
+    return f"- {shown}" + (f": {_sentence(_prose(rest))}" if rest.strip() else "")
 
 
 def _prose(text: str) -> str:

@@ -28,7 +28,7 @@ def make(brain: Path, skull: Path, bone: Path) -> rs.MadeFigure:
     aside = replace(folds, transfer_function=clear, lights=(_sun(folds, ASIDE, 6.0),), world=NIGHT, volume_shadows=True)
     bones = _scene(skull, bone, azimuth=28, elevation=22, fit=1.0, perspective=True, fov=52)
     bones = replace(
-        bones, labels=rs.hide_table(bones.volume, bones.transfer_function), world=(0.2, 0.2, 0.22),
+        bones, labels=rs.body_labels(bones.volume, bones.transfer_function), world=(0.2, 0.2, 0.22),
         lights=(_sun(bones, (0.2, -1.0, 1.2), 3.0),), volume_shadows=True, ambient_occlusion=0.8,
     )  # fmt: skip
     distance = np.linalg.norm(bones.camera.matrix_world[:3, 3] - rs.turntable_aim(bones.volume, bones.volume_matrix))

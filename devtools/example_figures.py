@@ -6,6 +6,7 @@ the data folder (``RLE_SPLAT_DATA``); without it, the practice scan.
 
 from __future__ import annotations
 
+import contextlib
 import io
 import json
 import os
@@ -125,7 +126,7 @@ def picture_and_depth(folder: Path) -> None:
         width=PYTHON,
         height=PYTHON,
         volume_matrix=matrix,
-        labels=rs.hide_table(volume, function),
+        labels=rs.body_labels(volume, function),
         smooth_outlines=True,
     )
     made = rs.render(scene, rs.Quality.preset("fine"))
@@ -153,16 +154,20 @@ def picture_and_depth(folder: Path) -> None:
     beside(folder, "how-to-python", shown, depth, opened)
 
 
+def python_of_the_readme() -> str:
+    """The blocks of Python code in the README, which go on one after the other."""
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    return "".join(re.findall(r"^```python\n(.*?)^```", text, re.M | re.S))
+
+
 def example_of_the_readme(folder: Path) -> None:
     """readme-python.jpg: what the Python code of the README makes of a brain."""
     scan = data_folder() / BRAIN
     if not scan.is_file():
         return
-    (code,) = re.findall(r"^```python\n(.*?)^```", (ROOT / "README.md").read_text(encoding="utf-8"), re.M | re.S)
     made, names = folder / "readme-python.png", {}
-    for name in ("out.png", "figure.svg"):
-        code = code.replace(name, (folder / name).as_posix())
-    exec(code.replace("FLAIR.nrrd", scan.as_posix()), names)
+    with contextlib.chdir(folder):
+        exec(python_of_the_readme().replace("FLAIR.nrrd", scan.resolve().as_posix()), names)
     made.write_bytes(names["figure"]._repr_png_())
     save_jpeg(Image.open(made).convert("RGB"), made.with_suffix(".jpg"), MOST_BYTES)
 

@@ -25,7 +25,7 @@ import numpy as np
 from benchmarks.effects import given
 from benchmarks.scenes import scenes as scans_of
 from benchmarks.scenes import shells, smoke
-from rle_splat import Quality, RleSplatError, Scene, encode, load_encoded, preset, render, save_encoded, turntable
+from rle_splat import Quality, RleSplatError, Scene, encode, preset, read_encoded, render, turntable, write_encoded
 from rle_splat.pipeline.shadow_pass import shadow_pass_steps
 from rle_splat.runtime.jit import use_reference
 from rle_splat.runtime.steps import drain
@@ -138,8 +138,8 @@ def _drawn_from_file(scene: Scene, quality: Quality):
     """The picture of the scene's tables after a way through a ``.rle`` file."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "volume.rle"
-        save_encoded(path, encode(scene, quality))
-        stored = load_encoded(path)
+        write_encoded(encode(scene, quality), path)
+        stored = read_encoded(path)
     rendering = render(replace(scene, volume=stored, lights=(), headlight=False), quality)
     return rendering.rgba, rendering.depth
 

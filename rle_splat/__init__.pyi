@@ -16,6 +16,7 @@ from .volume.volume import NamedLabel as NamedLabel
 # transfer functions
 from .classify.presets import fit_preset as fit_preset
 from .classify.presets import preset as preset
+from .classify.presets import preset_names as preset_names
 from .classify.default import default_transfer_function as default_transfer_function
 from .classify.transfer_files import read_transfer_functions as read_transfer_functions
 from .classify.transfer_files import fit_function as fit_function
@@ -37,7 +38,7 @@ from .scene import Clip as Clip
 from .scene import Labels as Labels
 from .classify.label_styles import style_labels as style_labels
 from .classify.label_styles import LabelStyle as LabelStyle
-from .segment.body import hide_table as hide_table
+from .segment.body import body_labels as body_labels
 from .scene import Channel as Channel
 from .scene import Pose as Pose
 from .scene.color import decode_srgb as decode_srgb
@@ -46,7 +47,7 @@ from .scene.color import decode_srgb as decode_srgb
 from .pipeline.render import render as render
 from .pipeline.render import render_steps as render_steps
 from .accuracy.planner.tolerance import render_within as render_within
-from .accuracy.planner.tolerance import tolerance_steps as tolerance_steps
+from .accuracy.planner.tolerance import render_within_steps as render_within_steps
 from .scene import Quality as Quality
 from .scene import Rendering as Rendering
 from .cli.images import write_picture as write_picture
@@ -65,8 +66,8 @@ from .figure.make import MadeFigure as MadeFigure
 from .pipeline.encode_scene import encode as encode
 from .pipeline.encode_scene import encode_steps as encode_steps
 from .pipeline.encode_folder import encode_folder as encode_folder
-from .encode.store import save_encoded as save_encoded
-from .encode.store import load_encoded as load_encoded
+from .encode.store import read_encoded as read_encoded
+from .encode.store import write_encoded as write_encoded
 from .encode.stored import StoredVolume as StoredVolume
 from .pipeline.quick_estimate import estimate_memory as estimate_memory
 from .pipeline.memory_estimate import MemoryEstimate as MemoryEstimate

@@ -49,13 +49,15 @@ def drafted_steps(plain: Scene, quality: Quality, cache: StageCache, *, refuse_e
     """
     quick = draft_of(quality)
     if quick == quality or TABLE_BYTES * math.prod(plain.volume.shape_xyz) > cache.most_bytes:
-        return (yield from render_steps(plain, quality, cache, refuse_empty_view=refuse_empty_view))
-    draft = yield from rescale(render_steps(plain, quick, cache, refuse_empty_view=refuse_empty_view), 0.0, SHARE)
+        return (yield from render_steps(plain, quality, cache=cache, refuse_empty_view=refuse_empty_view))
+    draft = yield from rescale(render_steps(plain, quick, cache=cache, refuse_empty_view=refuse_empty_view), 0.0, SHARE)
     spent = draft.report["stages_ms"]
     of_frame = sum(spent[stage] for stage in FRAME)
     if of_frame > QUICK:
         yield Draft(draft)
-    rendering = yield from rescale(render_steps(plain, quality, cache, refuse_empty_view=refuse_empty_view), SHARE, 1.0)
+    rendering = yield from rescale(
+        render_steps(plain, quality, cache=cache, refuse_empty_view=refuse_empty_view), SHARE, 1.0
+    )
     own = dict(rendering.report["stages_ms"])
     total = own.pop("total") + spent["total"]
     stages = {stage: ms + (0.0 if stage in FRAME else spent[stage]) for stage, ms in own.items()}

@@ -5,7 +5,7 @@ Everything is read before the first step of the work, so that edits during the w
 
 import numpy as np
 
-from ...rle_splat.accuracy.planner.tolerance import LEFT_OUT, tolerance_steps
+from ...rle_splat.accuracy.planner.tolerance import LEFT_OUT, render_within_steps
 from ...rle_splat.classify.transfer_function import TransferFunction
 from ...rle_splat.pipeline.render import render_steps
 from ...rle_splat.pipeline.stage_cache import StageCache
@@ -237,8 +237,8 @@ def steps(
         The picture.
     """
     if tolerance is not None:
-        return tolerance_steps(
-            plain, tolerance, quality, KEPT, refuse_empty_view=refuse_empty_view, leave_out_shadows=True,
+        return render_within_steps(
+            plain, tolerance, quality, cache=KEPT, refuse_empty_view=refuse_empty_view, leave_out_shadows=True,
             earlier=earlier)  # fmt: skip
     make = drafted_steps if drafts else render_steps
-    return make(plain, encoded.suited(quality, plain.volume), KEPT, refuse_empty_view=refuse_empty_view)
+    return make(plain, encoded.suited(quality, plain.volume), cache=KEPT, refuse_empty_view=refuse_empty_view)

@@ -11,7 +11,7 @@ from dataclasses import replace
 from ...rle_splat.classify.transfer_function import TransferFunction
 from ...rle_splat.encode.folder import is_folder_form
 from ...rle_splat.encode.members import HEADER
-from ...rle_splat.encode.store import load_encoded
+from ...rle_splat.encode.store import read_encoded
 from ...rle_splat.read.formats import format_of
 from ...rle_splat.runtime.steps import Progress
 from ...rle_splat.scene import NO_RAYS, Quality, RleSplatError
@@ -58,7 +58,7 @@ def open_steps(path: str, options: dict):
             f"The option {name} does not apply to {os.path.basename(path)}, because a .rle file says all about itself; "
             "import it as a new volume."
         )
-    stored = load_encoded(path)
+    stored = read_encoded(path)
     if stored.transfer_function is None:
         raise RleSplatError(f"{path} lacks its transfer function; encode the volume again.")
     TransferFunction.from_json(stored.transfer_function)

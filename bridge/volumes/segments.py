@@ -103,9 +103,9 @@ def change_steps(owner, volume: Volume, make_mask, number: int | None = None, na
 
 
 def body_steps(volume: Volume, transfer_function, name: str):
-    """Generator of Progress: the body as the only segment, where ``hide_table`` hides what lies beside it, as a
+    """Generator of Progress: the body as the only segment, where ``body_labels`` hides what lies beside it, as a
     MadeSegment; else None. ``name``: of the volume."""
-    found = yield from rescale(body.hide_table_steps(volume, transfer_function), 0.0, MADE)
+    found = yield from rescale(body.body_labels_steps(volume, transfer_function), 0.0, MADE)
     if found is None:
         return None
     return (yield from rescale(_written_steps(found.volume, body.NAMES, _free_path(name), body.BODY), MADE, 1.0))

@@ -55,6 +55,7 @@ def default_transfer_function(volume: Volume) -> tuple[TransferFunction, str]:
     Parameters
     ----------
     volume : Volume
+        The scan that it is to show.
 
     Returns
     -------

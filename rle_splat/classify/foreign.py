@@ -27,6 +27,7 @@ class FileFunction:
     Attributes
     ----------
     function : TransferFunction
+        Its name is that in the file, or else the name of the file.
     remarks : tuple of str
         Sentences on what the file holds and was left out.
     """

@@ -1,11 +1,13 @@
 """Appearance of labels: hidden, in one color or opacity, by a preset or by a transfer function."""
 
 import colorsys
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from ..runtime.steps import drain
 from ..scene import Labels, RleSplatError, as_float, from_mapping, read_json
 from ..segment.label_map import BACKGROUND, MOST_LABELS, value_steps
+from ..volume.volume import Volume
 from .presets import fit_preset, preset
 from .transfer_function import TransferFunction
 
@@ -78,7 +80,7 @@ class LabelStyle:
         if isinstance(self.transfer_function, dict):
             object.__setattr__(self, "transfer_function", TransferFunction.from_json(self.transfer_function))
 
-    def function(self, volume, own: TransferFunction) -> TransferFunction | None:
+    def function(self, volume: Volume, own: TransferFunction) -> TransferFunction | None:
         """Transfer function of the label on ``volume``, whose own is ``own``; None if the label is hidden."""
         if self.hidden:
             return None
@@ -136,7 +138,10 @@ def default_styles(labels) -> tuple[LabelStyle, ...]:
     )
 
 
-def style_labels(labels, volume, transfer_function: TransferFunction, styles=None, smooth: bool = True) -> Labels:
+def style_labels(
+    labels: Volume, volume: Volume, transfer_function: TransferFunction, styles: Sequence[LabelStyle] | None = None,
+    smooth: bool = True,
+) -> Labels:  # fmt: skip
     """Make the Labels of a scene of a label map, as ``rle-splat render --labels`` shows them.
 
     Parameters

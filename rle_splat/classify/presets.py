@@ -79,13 +79,24 @@ _ROWS = (
 PRESETS = {row.name: row for row in _ROWS}
 
 
+def preset_names() -> tuple[str, ...]:
+    """The names of the built-in transfer functions, which ``preset`` and ``fit_preset`` take.
+
+    Returns
+    -------
+    tuple of str
+        Such as "ct-bone".
+    """
+    return tuple(PRESETS)
+
+
 def preset(name: str) -> TransferFunction:
     """Load a built-in transfer function.
 
     Parameters
     ----------
     name : str
-        Name of a built-in transfer function, such as "ct-bone"; docs/reference/transfer-functions.md lists them.
+        One of ``preset_names()``, such as "ct-bone".
 
     Returns
     -------
@@ -128,8 +139,9 @@ def fit_preset(name: str, volume: Volume) -> tuple[TransferFunction, str | None]
     Parameters
     ----------
     name : str
-        Name of a built-in transfer function, such as "ct-bone"; docs/reference/transfer-functions.md lists them.
+        One of ``preset_names()``, such as "ct-bone".
     volume : Volume
+        The scan that it is to show.
 
     Returns
     -------

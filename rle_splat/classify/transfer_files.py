@@ -4,6 +4,7 @@ The content tells them apart: XML begins with ``<``, JSON with ``{`` and has key
 """
 
 from dataclasses import replace
+from os import PathLike
 from pathlib import Path
 
 from ..runtime.steps import drain
@@ -20,12 +21,13 @@ SUFFIXES = (".json", ".xml", ".mrml", ".vp", ".cmap")  # for choosing a file
 MOST_BYTES = 1 << 26  # a scene of Slicer's may list many nodes; a scan chosen by mistake is larger
 
 
-def read_transfer_functions(path) -> tuple[FileFunction, ...]:
+def read_transfer_functions(path: str | PathLike) -> tuple[FileFunction, ...]:
     """Read all transfer functions of a file.
 
     Parameters
     ----------
     path : str or Path
+        A transfer function of RLE Splat, presets of 3D Slicer, or a color map of niivue or FSL.
 
     Returns
     -------
@@ -123,6 +125,7 @@ def fit_function(function: TransferFunction, volume: Volume) -> TransferFunction
         Points of the unit "relative" are from 0 to 1, over the values of a volume; those of "maximum" are shares of the
         largest value.
     volume : Volume
+        The scan that it is to show.
 
     Returns
     -------

@@ -15,8 +15,10 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cached_property, partial
 from pathlib import Path
 from reprlib import repr as short
+from typing import Literal, get_args
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..scene import RleSplatError, as_float, from_mapping, read_json
 from ..volume.volume import LARGEST_VALUE
@@ -35,7 +37,8 @@ def _number(value, what: str) -> float:
     return number
 
 
-HIGHLIGHTS = ("blinn-phong", "phong")
+Highlight = Literal["blinn-phong", "phong"]
+HIGHLIGHTS = get_args(Highlight)
 SMOOTHEST = 100.0  # mm
 
 
@@ -68,7 +71,7 @@ class Shade:
     diffuse: float = 0.75
     specular: float = 0.2
     shininess: float = 20.0
-    highlight: str = "blinn-phong"
+    highlight: Highlight = "blinn-phong"
     two_sided: bool = True
     smoothness: float | None = None
 
@@ -138,7 +141,7 @@ class GradientOpacity:
             raise RleSplatError("Shares and factors of the gradient opacity's curve must be from 0 to 1.")
         object.__setattr__(self, "curve", curve)
 
-    def factor(self, sizes) -> np.ndarray:
+    def factor(self, sizes: ArrayLike) -> np.ndarray:
         """Factors of the extinction, float32 in [0, 1], for gradient magnitudes ``sizes`` of any shape."""
         sizes = np.asarray(sizes, np.float64)
         if self.low == self.high:
@@ -194,6 +197,7 @@ class TransferFunction:
     Parameters
     ----------
     name : str
+        For captions and reports.
     unit : str or None
         Unit of the values ("HU"); None for arbitrary units.
     opacity : sequence of (value, alpha)
@@ -255,21 +259,21 @@ class TransferFunction:
 
     # --- evaluation -------------------------------------------------------------------------------------------
 
-    def alpha_at(self, values) -> np.ndarray:
+    def alpha_at(self, values: ArrayLike) -> np.ndarray:
         """Opacity in [0, 1] at physical ``values`` (any shape), float64, same shape; 0 at NaN."""
         values = np.asarray(values, dtype=np.float64)
         points = np.array(self.opacity)
         alpha = np.clip(_piecewise_linear(points[:, 0], points[:, 1], np.atleast_1d(values)), 0.0, 1.0)
         return np.where(np.isnan(alpha), 0.0, alpha).reshape(values.shape)
 
-    def color_at(self, values) -> np.ndarray:
+    def color_at(self, values: ArrayLike) -> np.ndarray:
         """Unassociated scene-linear RGB at physical ``values``, float64, shape values.shape + (3,); 0 at NaN."""
         values = np.asarray(values, dtype=np.float64)
         points = np.array(self.color)
         color = _piecewise_linear(points[:, 0], points[:, 1:], np.atleast_1d(values))
         return np.where(np.isnan(color), 0.0, color).reshape(values.shape + (3,))
 
-    def table(self, values) -> np.ndarray:
+    def table(self, values: ArrayLike) -> np.ndarray:
         """(..., 4) float64: unassociated r, g, b and alpha at physical ``values``."""
         return np.concatenate((self.color_at(values), self.alpha_at(values)[..., None]), axis=-1)
 
@@ -334,7 +338,7 @@ class TransferFunction:
         return _digest((self.classification_key, None if self.shade is None else self.shade.to_json()))
 
     @classmethod
-    def from_json(cls, source) -> TransferFunction:
+    def from_json(cls, source: str | os.PathLike | dict) -> TransferFunction:
         """Make a TransferFunction from JSON.
 
         Parameters
@@ -379,7 +383,7 @@ class TransferFunction:
             mapping["gradient_opacity"] = self.gradient_opacity.to_json()
         return mapping
 
-    def save(self, path) -> None:
+    def save(self, path: str | os.PathLike) -> None:
         """Write the JSON file ``path``."""
         try:
             Path(path).write_text(json.dumps(self.to_json(), indent=2) + "\n", encoding="utf-8")

@@ -62,7 +62,7 @@ def make_tile(job: Command, tile) -> Made:
 
     prepared, cache = _keep(job.key, lambda: _picture_of(job))
     scene = replace(prepared.scene, crop=tile)
-    steps = render_steps(scene, prepared.quality, cache, refuse_empty_view=False)
+    steps = render_steps(scene, prepared.quality, cache=cache, refuse_empty_view=False)
     return Made(replace(prepared, scene=None), drain(steps))
 
 

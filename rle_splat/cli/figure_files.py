@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from importlib.util import find_spec
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,7 @@ from ..figure.files import CONTENTS, PageCanvas, check_suffix
 from ..figure.page import MM_PER_POINT, Fill, Page, Stroke, Text, Tile
 from ..figure.raster import HALO
 from ..scene import RleSplatError
+from ..scene.checks import check_first
 from ..scene.display import encode_srgb, to_bytes
 from .images import write_whole, writer_for
 from .rows import ExrRows
@@ -33,21 +35,25 @@ def check_figure_file(path) -> None:
         writer_for(path)
 
 
-def write_figure(path, figure: MadeFigure) -> None:
+def write_figure(figure: MadeFigure, path: str | PathLike) -> None:
     """Write a figure to a file.
 
     Parameters
     ----------
+    figure : MadeFigure
+        That of ``make_figure``.
     path : str or Path
         Its suffix is that of a format: .svg (letters and lines can be edited), .png, .pdf (needs matplotlib) or .exr
         (needs OpenEXR).
-    figure : MadeFigure
 
     Raises
     ------
     RleSplatError
         If the suffix is unknown, or a package is missing.
     """
+    from ..figure.make import MadeFigure
+
+    check_first(figure, MadeFigure, "write_figure(figure, path)")
     check_figure_file(path)
     write_page(path, Path(path).suffix.lower(), figure.page, PageCanvas(figure.page))
 

@@ -8,14 +8,16 @@ Every writer takes
 - ``background``: three scene-linear numbers, or None.
 """
 
+from collections.abc import Sequence
 from functools import partial
 from importlib.util import find_spec
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
 
 from ..scene import Rendering, RleSplatError
-from ..scene.checks import as_color
+from ..scene.checks import as_color, check_first
 from .rows import ROW_WRITERS
 
 
@@ -39,16 +41,16 @@ def read_exr(path) -> np.ndarray:
     return colors
 
 
-def write_picture(path, rendering: Rendering, background=None) -> None:
+def write_picture(rendering: Rendering, path: str | PathLike, background: Sequence[float] | None = None) -> None:
     """Write a picture to a file.
 
     Parameters
     ----------
+    rendering : Rendering
+        The picture and its depth.
     path : str or Path
         Its suffix is that of a format: .png (8 bits, sRGB), .tif (16 bits, sRGB), .exr (float32, scene-linear, with the
         layer ``Depth.Z``; needs the package OpenEXR) or .npy (float32, scene-linear).
-    rendering : Rendering
-        The picture and its depth.
     background : (3,) sequence of float, optional
         Scene-linear RGB below the picture in PNG and TIFF; without it, the picture keeps its alpha.
 
@@ -57,6 +59,7 @@ def write_picture(path, rendering: Rendering, background=None) -> None:
     RleSplatError
         If the suffix is unknown, OpenEXR is missing or the background is no color.
     """
+    check_first(rendering, Rendering, "write_picture(rendering, path)")
     background = background if background is None else as_color(background, "The background")
     writer_for(path)(path, rendering.rgba, rendering.depth, background)
 

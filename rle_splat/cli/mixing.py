@@ -12,7 +12,7 @@ from ..read.channels import MOST_CHANNELS, level_options, read_channel_steps
 from ..read.labels import TEXT_SUFFIXES, changes_with_time, read_label_steps, read_label_text, remarks_beside
 from ..runtime.steps import drain
 from ..scene import Channel, Labels, RleSplatError, Scene
-from ..segment.body import hide_table_steps
+from ..segment.body import body_labels_steps
 from ..volume.volume import Volume
 from .options import volume_options
 
@@ -64,7 +64,7 @@ def hide_table(args, volume: Volume, function: TransferFunction, line) -> tuple[
     """
     if args.keep_table or args.labels or getattr(args, "tolerance", None):
         return None, ()
-    labels = line.follow(hide_table_steps(volume, function))
+    labels = line.follow(body_labels_steps(volume, function))
     return labels, () if labels is None else (TABLE_HIDDEN,)
 
 

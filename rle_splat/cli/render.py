@@ -276,11 +276,11 @@ def picture_steps(args, prepared: PreparedScene, job: RenderJob):
     if args.tolerance is None:
         from ..pipeline.render import render_steps
 
-        return (yield from render_steps(scene, quality, job.cache, **refuse)), None
-    from ..accuracy.planner.tolerance import tolerance_steps
+        return (yield from render_steps(scene, quality, cache=job.cache, **refuse)), None
+    from ..accuracy.planner.tolerance import render_within_steps
 
     own = {"earlier": job.earlier, **({} if args.probes is None else {"probes": args.probes})}
-    return (yield from tolerance_steps(scene, args.tolerance, quality, job.cache, **refuse, **own)), None
+    return (yield from render_within_steps(scene, args.tolerance, quality, cache=job.cache, **refuse, **own)), None
 
 
 def see_anew(args, checked: Checked, first: PreparedScene) -> PreparedScene:
@@ -305,7 +305,7 @@ def _prepare_voxels(args, checked: Checked, line, like: Like | None) -> tuple[Pr
 def _prepare_tables(args, quality) -> PreparedScene:
     """Load a .rle file, with its own transfer function, lights, model and record, and make its scene."""
     from ..classify.transfer_function import TransferFunction
-    from ..encode.store import load_encoded
+    from ..encode.store import read_encoded
 
     camera, matrix = read_placement(args)
     given_function = read_transfer_function(args)
@@ -315,7 +315,7 @@ def _prepare_tables(args, quality) -> PreparedScene:
         option = next(iter(options.volume_options(args))).replace("_", "-")
         raise RleSplatError(f"--{option} has no effect on a .rle file, which describes its own layout; remove it.")
     began = perf_counter()
-    stored = load_encoded(args.volume)
+    stored = read_encoded(args.volume)
     read_ms = 1e3 * (perf_counter() - began)
     if quality.classification != stored.classification:
         asked = args.classification or quality.classification

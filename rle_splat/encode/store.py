@@ -1,11 +1,13 @@
-"""Save and load `.rle` files: run-length tables with their position in space and their origin (``encode.members``)."""
+"""Write and read `.rle` files: run-length tables with their position in space and their origin (``encode.members``)."""
 
 import zlib
+from os import PathLike
 
 import numpy as np
 
 from ..runtime.whole_files import whole_file
 from ..scene import RleSplatError
+from ..scene.checks import check_first
 from .members import (
     ACROSS,
     COUNTS,
@@ -24,26 +26,28 @@ from .stored import StoredVolume, open_volume
 from .tables import RunLengthVolume, counts_of, pointers_from_counts
 
 
-def save_encoded(path, stored: StoredVolume) -> None:
+def write_encoded(stored: StoredVolume, path: str | PathLike) -> None:
     """Write a `.rle` file. An existing file is replaced only when the new one is complete.
 
     Parameters
     ----------
-    path : str or Path
     stored : StoredVolume
-        Pre-classified voxels.
+        Pre-classified voxels, such as ``encode`` returns.
+    path : str or Path
+        The file, which should end in .rle.
 
     Raises
     ------
     RleSplatError
         If the voxels are post-classified, the tables are damaged, or the file cannot be written.
     """
+    check_first(stored, StoredVolume, "write_encoded(stored, path)")
     with whole_file(path) as part:
         write(part, stored)
 
 
 def write(path, stored: StoredVolume) -> None:
-    """As ``save``, in place; raises OSError."""
+    """As ``write_encoded``, in place; raises OSError."""
     if stored.classification != "pre":
         raise RleSplatError(f"Post-classified tables are not saved again; copy {stored.path} instead.")
     axes, tables = stored.axes, {}
@@ -90,16 +94,18 @@ def _gather(array: np.ndarray, starts: np.ndarray, counts: np.ndarray) -> np.nda
     return array[np.repeat(shift, counts[filled]) + np.arange(total)]
 
 
-def load_encoded(path) -> StoredVolume:
+def read_encoded(path: str | PathLike) -> StoredVolume:
     """Open a `.rle` file or folder. Its header is checked now, its tables when they are needed.
 
     Parameters
     ----------
     path : str or Path
+        What ``write_encoded``, ``encode_folder`` or the command ``encode`` has written.
 
     Returns
     -------
     StoredVolume
+        Can be the volume of a Scene.
 
     Raises
     ------

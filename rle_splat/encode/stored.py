@@ -146,11 +146,13 @@ class StoredVolume:
     path : Path or None
         The file or folder; None in memory.
     classification : {"pre", "post"}
+        Whether voxels hold colors, or values that are classified in each picture.
     shape_xyz : (nx, ny, nz)
         Number of voxels along x, y, z.
     principal_axes : tuple of int
         The principal axes that pictures can be made along.
     model : {"extinction", "opacity"}
+        As ``Quality.model`` when it was encoded.
     record : {16, 8}
         Bytes of a voxel record of pre-classified tables.
     affine : (4, 4) ndarray of float64
@@ -164,6 +166,7 @@ class StoredVolume:
     source : str
         Name of the file from which the volume was read.
     remarks : tuple of str
+        Those of the volume that was encoded.
     space : {"patient"} or None
         See Volume.
     visible_voxels, nan_voxels : int

@@ -71,7 +71,7 @@ def _measure_steps(scene: Scene, cache: StageCache, n: int, count: int):
     def say(step: Progress) -> Progress:
         return Progress((n + step.fraction) / count, "Measuring what is visible")
 
-    rendering = yield from map_steps(render_steps(small, Quality.preset("draft"), cache), say)
+    rendering = yield from map_steps(render_steps(small, Quality.preset("draft"), cache=cache), say)
     seen = rendering.rgba[..., 3] > VISIBLE
     if not seen.any():
         return np.zeros(2), np.zeros(2)

@@ -1,5 +1,6 @@
 """Makes a figure: renders its panels and lays them out."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -7,7 +8,7 @@ import numpy as np
 from ..pipeline.render import render_steps
 from ..pipeline.stage_cache import StageCache
 from ..runtime.steps import Progress, drain, map_steps
-from ..scene import Quality, Rendering, RleSplatError, Scene
+from ..scene import Quality, QualityName, Rendering, RleSplatError, Scene
 from ..scene.png import png_bytes
 from ..scene.quality import as_quality
 from .framing import frame_steps
@@ -49,8 +50,9 @@ class MadeFigure:
 
 
 def make_figure(
-    scenes, titles=(), style: FigureStyle | None = None, quality: Quality | str | None = None, *, frame: bool = True
-) -> MadeFigure:
+    scenes: Scene | Sequence[Scene], titles: Sequence[str] = (), style: FigureStyle | None = None,
+    quality: Quality | QualityName | None = None, *, frame: bool = True,
+) -> MadeFigure:  # fmt: skip
     """Make a figure for print: pictures with letters, scale bar, color bar and caption.
 
     Parameters
@@ -60,8 +62,9 @@ def make_figure(
     titles : sequence of str
         One for each panel, or none.
     style : FigureStyle, optional
+        Sizes, colors and lettering. Left out, ``FigureStyle()``.
     quality : Quality or str, optional
-        Or the name of a preset, such as "fine". Left out, "standard".
+        As ``render`` takes it.
     frame : bool
         Whether orthographic views are moved and get one scale at which what is visible fills the pictures; else they
         are those of the cameras.
@@ -139,7 +142,7 @@ def _panel_steps(scene, quality: Quality, cache: StageCache, n: int, count: int)
     times = _times(scene)
     smooth = scene.smooth_outlines and times == 1  # the mean of finer pixels is smooth already
     finer = replace(scene, width=times * scene.width, height=times * scene.height, smooth_outlines=smooth)
-    return (yield from map_steps(render_steps(finer, quality, cache), show_step))
+    return (yield from map_steps(render_steps(finer, quality, cache=cache), show_step))
 
 
 def _times(scene) -> int:

@@ -3,15 +3,18 @@
 import math
 from dataclasses import dataclass, field
 from reprlib import repr as short
+from typing import Literal, get_args
 
 from ..scene import RleSplatError, Scene
 from ..scene.checks import is_finite_number
 from .lettering import check_text
 from .page import MM_PER_INCH
 
+Background = Literal["white", "black", "transparent"]
+Sides = Literal["auto", "letters", "cube", "off"]
 # Name -> scene-linear RGB; None is transparent.
-BACKGROUNDS = {"white": (1.0, 1.0, 1.0), "black": (0.0, 0.0, 0.0), "transparent": None}
-SIDES = ("auto", "letters", "cube", "off")
+BACKGROUNDS: dict[Background, tuple | None] = {"white": (1.0, 1.0, 1.0), "black": (0.0, 0.0, 0.0), "transparent": None}
+SIDES = get_args(Sides)
 AUTO, OFF, CENTER = "auto", "off", "center"
 CM_TO_MM = 10.0
 MARGIN, GUTTER = 1.0, 4.0  # mm around the page, and between panels
@@ -55,13 +58,13 @@ class FigureStyle:
     width_cm: float = 17.0
     dpi: float = 300.0
     columns: int = 0
-    background: str = "white"
+    background: Background = "white"
     font_size: float = 8.0
     aspect: float | None = None
     caption: str | None = None
     scale_bar: float | str = AUTO
     scale_depth: float | str | None = None
-    sides: str = AUTO
+    sides: Sides = AUTO
     color_bar: bool = True
 
     def __post_init__(self):

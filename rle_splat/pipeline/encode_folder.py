@@ -7,7 +7,9 @@ in the volume, so that positions, normals and light are the same to the bit.
 import hashlib
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from os import PathLike
 
 import numpy as np
 
@@ -27,7 +29,7 @@ from ..encode.tables import RunTables, counts_of
 from ..runtime.cache_folder import RELEASE
 from ..runtime.memory import available_bytes
 from ..runtime.steps import Clock, Progress, announce, drain, rescale
-from ..scene import Quality, RleSplatError, Scene, TooLargeError
+from ..scene import Quality, QualityName, RleSplatError, Scene, TooLargeError, as_quality
 from ..shade.shading import DENSITY
 from ..shade.surface_normals import BEYOND, gaussian, surface_steps
 from ..shade.surface_points import faces_of, place_steps
@@ -59,7 +61,13 @@ class _ChunkTables:
     visible: int
 
 
-def encode_folder(scene: Scene, path, quality: Quality | None = None, axes=tuple(AXES), source: str = "") -> dict:
+def encode_folder(
+    scene: Scene,
+    path: str | PathLike,
+    quality: Quality | QualityName | None = None,
+    axes: Sequence[int] = tuple(AXES),
+    source: str = "",
+) -> dict:
     """Classify, shade and encode the volume of a scene into a folder of tables, chunk by chunk.
 
     Parameters
@@ -67,9 +75,10 @@ def encode_folder(scene: Scene, path, quality: Quality | None = None, axes=tuple
     scene : Scene
         Its volume may be mapped from a file.
     path : str or Path
-        The folder, which ``load_encoded`` opens. It appears under this name when it is complete.
-    quality : Quality, optional
-        Its classification (pre or post), model, record and threads count.
+        The folder, which ``read_encoded`` opens. It appears under this name when it is complete.
+    quality : Quality or str, optional
+        Its classification ("pre" or "post"), model, record and threads count. The name of a preset means "post", as for
+        ``render``; left out, "pre".
     axes : sequence of int
         Principal axes that pictures can be made along, 0, 1, 2 for x, y, z.
     source : str
@@ -86,7 +95,8 @@ def encode_folder(scene: Scene, path, quality: Quality | None = None, axes=tuple
         If the scene needs all voxels at once (shadows, labels, channels), one plane does not fit into memory, or the
         folder cannot be written. Nothing is left behind then.
     """
-    return drain(encode_folder_steps(scene, quality or Quality(classification="pre"), path, axes, source))
+    quality = Quality(classification="pre") if quality is None else as_quality(quality)
+    return drain(encode_folder_steps(scene, quality, path, axes, source))
 
 
 def encode_folder_steps(scene: Scene, quality: Quality, path, axes=tuple(AXES), source: str = ""):

@@ -1,9 +1,11 @@
 """Encode a scene: its volume classified, shaded and run-length encoded, ready for a ``.rle`` file."""
 
+from collections.abc import Generator, Sequence
+
 from ..effects.analyze import analyze_effects
 from ..encode.stored import StoredVolume
-from ..runtime.steps import Clock, announce, drain
-from ..scene import Quality, Scene, as_quality
+from ..runtime.steps import Clock, Progress, announce, drain
+from ..scene import Quality, QualityName, Scene, as_quality
 from ..scene.plain import plain
 from ..view.projection import depth_row
 from ..volume.axes import AXES, AXIS_NAMES
@@ -13,14 +15,17 @@ from .source import Work
 from .stage_cache import StageCache
 
 
-def encode(scene: Scene, quality: Quality | None = None, axes=tuple(AXES), source: str = "") -> StoredVolume:
+def encode(
+    scene: Scene, quality: Quality | QualityName | None = None, axes: Sequence[int] = tuple(AXES), source: str = ""
+) -> StoredVolume:
     """Classify, shade and encode the volume of a scene.
 
     Parameters
     ----------
     scene : Scene
-    quality : Quality, optional
-        Its model, record and threads count; tables always hold pre-classified voxels.
+        Its volume, transfer function and light count.
+    quality : Quality or str, optional
+        As ``render`` takes it. Its model, record and threads count; tables always hold pre-classified voxels.
     axes : sequence of int
         Principal axes to encode, 0, 1, 2 for x, y, z.
     source : str
@@ -34,7 +39,9 @@ def encode(scene: Scene, quality: Quality | None = None, axes=tuple(AXES), sourc
     return drain(encode_steps(scene, quality, axes, source))[0]
 
 
-def encode_steps(scene: Scene, quality: Quality | None = None, axes=tuple(AXES), source: str = ""):
+def encode_steps(
+    scene: Scene, quality: Quality | QualityName | None = None, axes: Sequence[int] = tuple(AXES), source: str = ""
+) -> Generator[Progress, None, tuple[StoredVolume, dict]]:
     """Generator form of ``encode``: yields Progress, returns (StoredVolume, report)."""
     quality = as_quality(quality).classified("pre")
     scene = analyze_effects(scene, quality)[1]

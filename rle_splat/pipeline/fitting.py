@@ -52,7 +52,7 @@ def fitting_steps(scene: Scene, quality: Quality, cache: StageCache, halvings: i
     while True:
         shown = yield from _coarser_steps(scene, cache, halvings, is_sampled)
         try:
-            rendering = yield from render_steps(shown, quality, cache, refuse_empty_view=False)
+            rendering = yield from render_steps(shown, quality, cache=cache, refuse_empty_view=False)
         except TooLargeError:
             if halvings == most:
                 raise

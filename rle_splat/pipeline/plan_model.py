@@ -34,6 +34,7 @@ from ..scene import (
     DEFAULT_CLASSIFICATION,
     NO_RAYS,
     PRESET_KNOBS,
+    Classification,
     Quality,
     RleSplatError,
     midpoints_of,
@@ -304,7 +305,7 @@ def calibration_mark() -> str:
     return f"{zlib.crc32(CALIBRATION.read_bytes()):08x}"
 
 
-def default_classification() -> str:
+def default_classification() -> Classification:
     """The classification of a tolerance without a quality: the usual one, or the first that is calibrated."""
     calibrated = _calibration()["classifications"]
     return DEFAULT_CLASSIFICATION if DEFAULT_CLASSIFICATION in calibrated else next(iter(calibrated))

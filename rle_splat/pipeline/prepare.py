@@ -18,7 +18,7 @@ from ..classify.default import default_transfer_function
 from ..classify.transfer_function import GradientOpacity
 from ..runtime import jit
 from ..runtime.steps import Progress, rescale
-from ..scene import MODES, Channel, Clip, Labels, Light, Quality, RleSplatError, Scene
+from ..scene import MODES, Channel, Classification, Clip, Labels, Light, Quality, QualityName, RleSplatError, Scene
 from ..view.turntable import turntable
 from ..volume.volume import Volume
 from .render import render_steps
@@ -45,8 +45,8 @@ class SyntheticPicture:
     name: str
     first: float
     more: float
-    quality: str = "standard"
-    classification: str = "post"
+    quality: QualityName = "standard"
+    classification: Classification = "post"
     scene: str = "headlight"
     azimuth: float = 0.0
     elevation: float = 0.0

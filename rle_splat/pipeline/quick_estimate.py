@@ -9,8 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..scene import Quality
+from ..classify.transfer_function import TransferFunction
+from ..scene import Quality, QualityName, as_quality
 from ..volume.counts import counts_values, list_stored_values
+from ..volume.volume import Volume
 from .memory_estimate import MemoryEstimate, PlannedTables, VoxelCount, estimate_tables
 
 SAMPLED_PLANES = 32  # at most, and of large planes fewer
@@ -21,8 +23,8 @@ TYPICAL_PIECE = 4  # visible voxels side by side in a row of a scan, where nothi
 
 
 def estimate_memory(
-    volume, transfer_function, quality: Quality | None = None, *, axes: int = 1, shaded: bool | None = None,
-    picture: int = 0,
+    volume: Volume, transfer_function: TransferFunction, quality: Quality | QualityName | None = None, *, axes: int = 1,
+    shaded: bool | None = None, picture: int = 0,
 ) -> MemoryEstimate:  # fmt: skip
     """What tables of a volume take, quickly: visible voxels are counted for 8- and 16-bit volumes, else, and for the
     number of runs, in a few planes.
@@ -30,9 +32,11 @@ def estimate_memory(
     Parameters
     ----------
     volume : Volume
+        The scan.
     transfer_function : TransferFunction
-    quality : Quality, optional
-        By default ``Quality()``, as of ``render``.
+        That of the scene, which decides on the visible voxels.
+    quality : Quality or str, optional
+        As ``render`` takes it.
     axes : int
         How many principal axes are held, mostly one.
     shaded : bool, optional
@@ -44,10 +48,11 @@ def estimate_memory(
     Returns
     -------
     MemoryEstimate
+        ``needed`` is the number of bytes still to be allocated.
     """
     shaded = transfer_function.shade is not None if shaded is None else shaded
     count = count_in_planes(volume, transfer_function)
-    return estimate_visible(count, quality or Quality(), axes=axes, shaded=shaded, picture=picture)
+    return estimate_visible(count, as_quality(quality), axes=axes, shaded=shaded, picture=picture)
 
 
 def count_in_planes(volume, tf) -> VoxelCount:

@@ -34,12 +34,13 @@ splats.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Generator
 from dataclasses import replace
 
 from ..effects.exposure import exposure_steps, list_exposures
 from ..effects.mixing import add_light_steps, split_light
 from ..runtime.steps import Clock, Progress, announce, drain
-from ..scene import Quality, Rendering, Scene, as_quality
+from ..scene import Quality, QualityName, Rendering, Scene, as_quality
 from ..volume.volume import key_steps
 from ..warp.warp import warp_steps
 from .choose_source import choose_source
@@ -57,15 +58,20 @@ BEFORE, SPLATS = 0.2, 0.75  # parts of the work, as it is shown: before the spla
 
 
 def render(
-    scene: Scene, quality: Quality | str | None = None, progress=None, cache: StageCache | None = None
+    scene: Scene,
+    quality: Quality | QualityName | None = None,
+    progress: Callable[[Progress], object] | None = None,
+    *,
+    cache: StageCache | None = None,
 ) -> Rendering:
     """Render a scene.
 
     Parameters
     ----------
     scene : Scene
+        What the picture depends on.
     quality : Quality or str, optional
-        The knobs, or the name of a preset, such as "fine". Left out, "standard".
+        The settings, or the name of a preset: "draft", "standard", "fine" or "strict". Left out, "standard".
     progress : callable, optional
         Called with a Progress now and then; an exception that it raises stops the work.
     cache : StageCache, optional
@@ -81,17 +87,16 @@ def render(
     RleSplatError
         With one sentence, where the scene cannot be rendered.
     """
-    steps = render_steps(scene, quality, cache)
-    return drain(steps, progress)
+    return drain(render_steps(scene, quality, cache=cache), progress)
 
 
 def render_steps(
     scene: Scene,
-    quality: Quality | str | None = None,
-    cache: StageCache | None = None,
+    quality: Quality | QualityName | None = None,
     *,
+    cache: StageCache | None = None,
     refuse_empty_view: bool = True,
-):
+) -> Generator[Progress, None, Rendering]:
     """Generator form of ``render``: yields Progress, returns the Rendering; closing it cancels the work.
 
     ``refuse_empty_view``: raise when the camera sees nothing of the volume; else the picture is transparent, as an

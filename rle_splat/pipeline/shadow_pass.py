@@ -33,11 +33,11 @@ def shadow_pass_steps(scene: Scene, quality: Quality, cache: StageCache | None =
         raise RleSplatError("There is no shadow pass without shadows: turn on shadows or ambient occlusion.")
     cache = StageCache() if cache is None else cache
     unshaded = without_shadows(scene)
-    rendering = shaded = yield from rescale(render_steps(scene, quality, cache), 0.0, 0.5)
+    rendering = shaded = yield from rescale(render_steps(scene, quality, cache=cache), 0.0, 0.5)
     quality = replace(hold_plan(quality, rendering.report["plan"]), rays=NO_RAYS)
     if rendering.report["rays"]["pixels"]:
-        shaded = yield from rescale(render_steps(scene, quality, cache), 0.5, 0.6)
-    plain = yield from rescale(render_steps(unshaded, quality, cache), 0.6, 1.0)
+        shaded = yield from rescale(render_steps(scene, quality, cache=cache), 0.5, 0.6)
+    plain = yield from rescale(render_steps(unshaded, quality, cache=cache), 0.6, 1.0)
     light, whole = (made.rgba[..., :3].sum(axis=2) for made in (shaded, plain))
     share = np.divide(light, whole, out=np.ones_like(whole), where=whole > FAINTEST)
     return rendering, np.clip(1.0 - share, 0.0, 1.0)

@@ -80,7 +80,7 @@ def thumbnail_steps(small: Volume, function: TransferFunction, spacing: float, c
     scene = Scene(small, function, camera, SIDE, SIDE, matrix)
     # On one thread no kernel waits for a second core: beside other work that took 15 ms of each, 180 in place of 40 ms.
     quality = Quality.preset("draft", name="thumbnail", threads=1)
-    rendering = yield from render_steps(scene, quality, cache, refuse_empty_view=False)
+    rendering = yield from render_steps(scene, quality, cache=cache, refuse_empty_view=False)
     rgb = rendering.rgba[..., :3] + behind * (1.0 - rendering.rgba[..., 3:])
     return np.rint(255.0 * to_display(rgb)).astype(np.uint8)
 

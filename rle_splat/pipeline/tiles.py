@@ -133,7 +133,7 @@ def render_tiles_steps(
     cache = StageCache(available_bytes()) if cache is None else cache
     tiles, total, strip = tiles_of(scene.region, side), Total(scene.crop, (scene.width, scene.height), side), None
     for number, tile in enumerate(tiles):
-        steps = render_steps(replace(scene, crop=tile), quality, cache, refuse_empty_view=False)
+        steps = render_steps(replace(scene, crop=tile), quality, cache=cache, refuse_empty_view=False)
         # The first tile makes what all have in common.
         message = f"Tile {number + 1} of {len(tiles)}" if number else ""
         found = yield from rescale(steps, number / len(tiles), (number + 1) / len(tiles), message)

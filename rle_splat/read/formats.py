@@ -4,13 +4,17 @@ To add a format, add a module and a row. The content of a file decides its forma
 content does not tell.
 """
 
+from collections.abc import Generator, Iterable
 from dataclasses import replace
 from itertools import islice
+from os import PathLike
 from pathlib import Path
+from typing import Any, Literal
 
-from ..runtime.steps import drain
+from ..runtime.steps import Progress, drain
 from ..runtime.whole_files import whole_file
 from ..scene import RleSplatError
+from ..scene.checks import check_first
 from ..volume.hounsfield import looks_like_hounsfield
 from ..volume.placement import place_volume
 from ..volume.reduced import sample_steps
@@ -143,8 +147,8 @@ def _choose(path: Path, given: dict) -> Format:
     return chosen
 
 
-def read_steps(path, **options):
-    """Generator of Progress: read a volume as ``read_volume`` does; return the Volume.
+def read_steps(path: str | PathLike, **options: Any) -> Generator[Progress, None, Volume]:
+    """Generator of Progress: read a volume as ``read_volume`` does, with the same options; return the Volume.
 
     The first step says how much memory the voxels take, before it is taken.
     """
@@ -194,7 +198,29 @@ def guess_unit(volume: Volume) -> Volume:
     return replace(volume, value_unit="HU", modality="CT", remarks=(*volume.remarks, remark))
 
 
-def read_volume(path, **options) -> Volume:
+def read_volume(
+    path: str | PathLike,
+    *,
+    spacing: Iterable[float] | None = None,
+    unit: str | None = None,
+    orientation: str | None = None,
+    flip: str | None = None,
+    slope: float | None = None,
+    intercept: float | None = None,
+    value_unit: str | None = None,
+    modality: str | None = None,
+    frame: int | None = None,
+    level: int | None = None,
+    shape: Iterable[int] | None = None,
+    dtype: str | None = None,
+    byte_order: Literal["little", "big"] | None = None,
+    header_bytes: int | None = None,
+    grid: str | None = None,
+    series: int | None = None,
+    series_key: str | None = None,
+    scratch: str | PathLike | None = None,
+    quick: bool | None = None,
+) -> Volume:
     """Read a volume.
 
     Parameters
@@ -202,40 +228,45 @@ def read_volume(path, **options) -> Volume:
     path : str or Path
         A file or a folder. The format follows from the content, or else from the suffix. A file of an unknown format
         is read as raw voxels if ``shape`` is given.
-    **options
-        Those below. An option that is None counts as not given.
-
-    Other Parameters
-    ----------------
-    spacing : (3,) sequence of float
-        Distance between voxel centers along the voxel axes x, y, z, in the volume's unit.
-    unit : str
+    spacing : (3,) sequence of float, optional
+        Distance between voxel centers along the voxel axes x, y, z, in the volume's unit. This and all further
+        parameters that are left out or None have the value of the file.
+    unit : str, optional
         Unit of lengths, such as "mm" or "um".
-    orientation : str
+    orientation : str, optional
         The directions of a patient in which x, y and z grow, such as "LPS".
-    flip : str
+    flip : str, optional
         Voxel axes to mirror, such as "x" or "xz".
-    slope, intercept : float
+    slope, intercept : float, optional
         A value is slope * stored + intercept.
-    value_unit, modality : str
-        Such as "HU" and "CT".
-    frame : int
+    value_unit : str, optional
+        Unit of the values, such as "HU".
+    modality : str, optional
+        "CT", "MR", "PT", "RTDOSE", "XA" or "SMOKE".
+    frame : int, optional
         Volume to read, starting at 1, of several in one file, the channels of a time point before the next time point,
         or in files such as smoke_0001.vdb.
-    level : int
+    level : int, optional
         Of OME-Zarr the level of the pyramid, 0 for the finest, by default the finest that fits into memory. Of other
         formats every 2^level-th voxel along each axis is read, by default all.
-    shape, dtype, byte_order, header_bytes
-        Layout of raw voxels: (nx, ny, nz), a type such as "uint16", "little" or "big", and the bytes before the first
-        voxel.
-    grid : str
+    shape : (3,) sequence of int, optional
+        Of raw voxels: numbers of voxels (nx, ny, nz).
+    dtype : str, optional
+        Of raw voxels: their type, such as "uint16".
+    byte_order : {"little", "big"}, optional
+        Of raw voxels, by default "little".
+    header_bytes : int, optional
+        Of raw voxels: bytes before the first voxel, by default 0.
+    grid : str, optional
         Name of the grid to read from an OpenVDB file.
-    series, series_key
-        Which series to read if a folder holds several: its number, starting at 1, or the ``Volume.series`` of one that
-        was read before.
-    scratch, quick
-        Of OME-Zarr: a file to which the voxels are written and from which they are mapped; whether the level is read
-        at once.
+    series : int, optional
+        Which series to read if a DICOM folder holds several, starting at 1.
+    series_key : str, optional
+        The same by the ``Volume.series`` of one that was read before.
+    scratch : str or Path, optional
+        Of OME-Zarr: a file to which the voxels are written and from which they are mapped.
+    quick : bool, optional
+        Of OME-Zarr, without ``level``: whether to read the finest level that is read at once.
 
     Returns
     -------
@@ -246,12 +277,12 @@ def read_volume(path, **options) -> Volume:
     Raises
     ------
     RleSplatError
-        If the file cannot be read, or an option is unknown or does not apply to the format.
+        If the file cannot be read, or an option does not apply to the format.
     """
-    return drain(read_steps(path, **options))
+    return drain(read_steps(**locals()))
 
 
-def write_steps(volume: Volume, path):
+def write_steps(volume: Volume, path: str | PathLike) -> Generator[Progress, None, dict]:
     """Generator of Progress: write a volume as ``write_volume`` does; return the options to read it back."""
     path = Path(path)
     chosen = format_named(path)
@@ -263,12 +294,13 @@ def write_steps(volume: Volume, path):
         return (yield from chosen.write_steps(volume, unfinished))
 
 
-def write_volume(volume: Volume, path) -> dict:
+def write_volume(volume: Volume, path: str | PathLike) -> dict:
     """Write a volume file.
 
     Parameters
     ----------
     volume : Volume
+        What the file is to hold.
     path : str or Path
         The format follows from the suffix. The file appears under this name only when it is complete.
 
@@ -282,4 +314,5 @@ def write_volume(volume: Volume, path) -> dict:
     RleSplatError
         If the suffix is of no writable format or the file cannot be written.
     """
+    check_first(volume, Volume, "write_volume(volume, path)")
     return drain(write_steps(volume, path))

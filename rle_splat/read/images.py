@@ -1,6 +1,9 @@
 """Volumes from images that SimpleITK or nibabel holds in memory."""
 
+from __future__ import annotations
+
 import sys
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -13,11 +16,15 @@ from .header import MILLIMETERS, sensible_spacing
 from .kernel_type import narrow_steps
 from .streaming import plain_name, storable_steps
 
+if TYPE_CHECKING:
+    import SimpleITK
+    from nibabel.spatialimages import SpatialImage
+
 DIMENSIONS = 3
 DOING = "converting voxels"
 
 
-def read_sitk(image, **about) -> Volume:
+def read_sitk(image: SimpleITK.Image, **about: Any) -> Volume:
     """Make a Volume of a SimpleITK image.
 
     Parameters
@@ -58,7 +65,7 @@ def read_sitk(image, **about) -> Volume:
     return _volume_of(array_of(image), {"affine": affine, "space": PATIENT, **about})
 
 
-def read_nibabel(image, **about) -> Volume:
+def read_nibabel(image: SpatialImage, **about: Any) -> Volume:
     """Make a Volume of a nibabel image.
 
     Parameters

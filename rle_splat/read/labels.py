@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from os import PathLike
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +25,7 @@ NARROW = (np.uint16, np.int16)
 DOING = "reading labels"
 
 
-def read_labels(path, volume: Volume, frame: int = 1) -> Volume:
+def read_labels(path: str | PathLike, volume: Volume, frame: int = 1) -> Volume:
     """Read a label map, DICOM SEG, RTSTRUCT or folder of masks, and bring it onto the grid of a volume.
 
     Parameters

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import partial
+from os import PathLike
 from reprlib import repr as short
+from typing import Literal, get_args
 
 import numpy as np
 
 from .checks import LARGEST_SHARE, as_matrix, from_mapping, identity, is_finite_number, positive, read_json
 from .errors import RleSplatError
 
-CAMERA_TYPES = ("PERSP", "ORTHO")
-SENSOR_FITS = ("AUTO", "HORIZONTAL", "VERTICAL")
+CameraType = Literal["PERSP", "ORTHO"]
+SensorFit = Literal["AUTO", "HORIZONTAL", "VERTICAL"]
+CAMERA_TYPES = get_args(CameraType)
+SENSOR_FITS = get_args(SensorFit)
 MOST_BLADES = 64
 
 
@@ -26,13 +30,15 @@ class Camera:
         Camera space to world space. The camera looks along its -Z axis with +Y up. Scale in the matrix is ignored,
         as Blender does.
     type : {"PERSP", "ORTHO"}
+        Perspective or orthographic.
     lens : float
         Focal length in mm.
     sensor_width, sensor_height : float
         Size of the sensor in mm.
     sensor_fit : {"AUTO", "HORIZONTAL", "VERTICAL"}
-    ortho_scale : float
-        Size of the view of an orthographic camera along the fitted sensor side, in world units.
+        The side of the picture that the sensor, or ``ortho_scale``, spans; "AUTO" is the longer one.
+    ortho_scale : float, optional
+        Size of the view of an orthographic camera along the fitted sensor side, in world units; it needs one.
     shift_x, shift_y : float
         Lens shift, as a fraction of the larger image side.
     clip_start, clip_end : float
@@ -41,8 +47,9 @@ class Camera:
         Width and height of a pixel.
     aperture_radius : float
         Radius of the lens in world units; 0 for a pinhole.
-    focus_distance : float
-        Distance of the plane in focus along the camera's axis, in world units.
+    focus_distance : float, optional
+        Distance of the plane in focus along the camera's axis, in world units. A camera with an ``aperture_radius`` or
+        a ``slant`` needs one.
     aperture_blades : int
         Number of aperture blades; below 3 the aperture is round.
     aperture_rotation : float
@@ -60,19 +67,19 @@ class Camera:
     """
 
     matrix_world: np.ndarray = field(default_factory=identity)
-    type: str = "PERSP"
+    type: CameraType = "PERSP"
     lens: float = 50.0
     sensor_width: float = 36.0
     sensor_height: float = 24.0
-    sensor_fit: str = "AUTO"
-    ortho_scale: float = 6.0
+    sensor_fit: SensorFit = "AUTO"
+    ortho_scale: float | None = None
     shift_x: float = 0.0
     shift_y: float = 0.0
     clip_start: float = 0.1
     clip_end: float = 1e5
     pixel_aspect: tuple = (1.0, 1.0)
     aperture_radius: float = 0.0
-    focus_distance: float = 10.0
+    focus_distance: float | None = None
     aperture_blades: int = 0
     aperture_rotation: float = 0.0
     aperture_ratio: float = 1.0
@@ -93,7 +100,7 @@ class Camera:
             raise RleSplatError(
                 f"The camera's sensor_fit must be one of {', '.join(SENSOR_FITS)}, not {short(self.sensor_fit)}."
             )
-        for name in ("lens", "sensor_width", "sensor_height", "ortho_scale", "clip_start", "clip_end"):
+        for name in ("lens", "sensor_width", "sensor_height", "clip_start", "clip_end", "aperture_ratio"):
             put(name, positive(getattr(self, name), f"The camera's {name}"))
         for name in ("shift_x", "shift_y"):
             value = getattr(self, name)
@@ -102,8 +109,11 @@ class Camera:
             put(name, float(value))
         if self.clip_end <= self.clip_start:
             raise RleSplatError("The camera's clip_end must be larger than its clip_start.")
-        for name in ("focus_distance", "aperture_ratio"):
-            put(name, positive(getattr(self, name), f"The camera's {name}"))
+        for name in ("ortho_scale", "focus_distance"):
+            if getattr(self, name) is not None:
+                put(name, positive(getattr(self, name), f"The camera's {name}"))
+        if self.type == "ORTHO" and self.ortho_scale is None:
+            raise RleSplatError("An orthographic camera needs ortho_scale, the size of its view in world units.")
         for name, least in (("aperture_radius", 0.0), ("aperture_rotation", -LARGEST_SHARE)):
             value = getattr(self, name)
             if not (is_finite_number(value) and least <= value <= LARGEST_SHARE):
@@ -117,6 +127,10 @@ class Camera:
         if self.type != "ORTHO" and any(slant):
             raise RleSplatError("Only an orthographic camera can have a slant; leave slant out or use type ORTHO.")
         put("slant", tuple(float(s) for s in slant))
+        if self.focus_distance is None and (self.aperture_radius > 0.0 or any(slant)):
+            raise RleSplatError(
+                "A camera with an aperture_radius or a slant needs focus_distance, in world units along its axis."
+            )
         aspect = tuple(self.pixel_aspect) if np.iterable(self.pixel_aspect) else ()
         if len(aspect) != 2:
             raise RleSplatError("The camera's pixel_aspect must be two numbers.")
@@ -124,6 +138,6 @@ class Camera:
         put("pixel_aspect", tuple(positive(a, "The camera's pixel_aspect", *limits) for a in aspect))
 
     @classmethod
-    def from_json(cls, path) -> Camera:
+    def from_json(cls, path: str | PathLike) -> Camera:
         """Read a Camera from a JSON file whose keys are the parameter names."""
         return from_mapping(cls, read_json(path, "the camera file"), "The camera file")

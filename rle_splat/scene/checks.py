@@ -17,6 +17,12 @@ LEAST_LENGTH, LARGEST_LENGTH = 1e-50, 1e50
 LARGEST_SHARE = 1e6
 
 
+def check_first(value, kind: type, call: str) -> None:
+    """Raise RleSplatError if the first argument of a function, as of ``call``, is of another type."""
+    if not isinstance(value, kind):
+        raise RleSplatError(f"{call} takes a {kind.__name__} first, not {short(value)}.")
+
+
 def refuse_array(volume) -> None:
     """Raise RleSplatError if an array is given where a Volume is needed."""
     if isinstance(volume, np.ndarray):

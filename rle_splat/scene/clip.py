@@ -1,15 +1,21 @@
 """Clip objects: planes and boxes that cut the volume."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field
+from os import PathLike
 from reprlib import repr as short
+from typing import Literal, get_args
 
 import numpy as np
 
 from .checks import as_matrix, identity, list_of
 from .errors import RleSplatError
 
-CLIP_KINDS = ("plane", "box")
-CLIP_SIDES = ("inside", "outside")
+ClipKind = Literal["plane", "box"]
+ClipSide = Literal["inside", "outside"]
+CLIP_KINDS = get_args(ClipKind)
+CLIP_SIDES = get_args(ClipSide)
 # Least volume spanned by the unit axes of a clip object; below it the object is flat.
 FLATTEST_CLIP = 1e-9
 
@@ -33,9 +39,9 @@ class Clip:
         If ``kind`` or ``keep`` is unknown or ``matrix_world`` is flat.
     """
 
-    kind: str = "box"
+    kind: ClipKind = "box"
     matrix_world: np.ndarray = field(default_factory=identity)
-    keep: str = "inside"
+    keep: ClipSide = "inside"
 
     def __post_init__(self):
         if self.kind not in CLIP_KINDS:
@@ -51,6 +57,6 @@ class Clip:
             )
 
     @classmethod
-    def list_from_json(cls, path) -> tuple:
+    def list_from_json(cls, path: str | PathLike) -> tuple[Clip, ...]:
         """Read a tuple of Clip from a JSON file that holds a list of objects; their keys are the parameter names."""
         return list_of(cls, path, "the clip file", "planes and boxes", "plane or box")

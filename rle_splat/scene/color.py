@@ -1,6 +1,7 @@
 """Colors in files are sRGB; those of the program are scene-linear (IEC 61966-2-1)."""
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 
 def linear(color) -> tuple | None:
@@ -10,7 +11,7 @@ def linear(color) -> tuple | None:
     return tuple(decode_srgb(color).tolist())
 
 
-def decode_srgb(encoded) -> np.ndarray:
+def decode_srgb(encoded: ArrayLike) -> np.ndarray:
     """Convert sRGB values to scene-linear ones.
 
     Parameters

@@ -1,14 +1,20 @@
 """Lights, with Blender's parameters."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from os import PathLike
 from reprlib import repr as short
+from typing import Literal, get_args
 
 import numpy as np
 
 from .checks import as_color, as_matrix, identity, is_finite_number, list_of
 from .errors import RleSplatError
 
-LIGHT_TYPES = ("SUN", "POINT", "SPOT", "AREA")
+LightType = Literal["SUN", "POINT", "SPOT", "AREA"]
+LIGHT_TYPES = get_args(LightType)
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,6 +24,7 @@ class Light:
     Parameters
     ----------
     type : {"SUN", "POINT", "SPOT", "AREA"}
+        As in Blender. A SUN shines from infinitely far away.
     color : (3,) sequence of float
         Scene-linear RGB.
     energy : float
@@ -45,15 +52,15 @@ class Light:
         If the type is unknown, the color is negative or a number is negative or not finite.
     """
 
-    type: str = "SUN"
-    color: tuple = (1.0, 1.0, 1.0)
+    type: LightType = "SUN"
+    color: Sequence[float] = (1.0, 1.0, 1.0)
     energy: float = 1.0
     matrix_world: np.ndarray = field(default_factory=identity)
     radius: float = 0.0
     angle: float = 0.0
     size: float = 1.0
     size_y: float = 1.0
-    shape: str = "SQUARE"
+    shape: Literal["SQUARE", "RECTANGLE", "DISK", "ELLIPSE"] = "SQUARE"
     spot_size: float = 0.785398
     spot_blend: float = 0.15
     casts_shadow: bool = True
@@ -70,6 +77,6 @@ class Light:
             object.__setattr__(self, name, float(value))
 
     @classmethod
-    def list_from_json(cls, path) -> tuple:
+    def list_from_json(cls, path: str | PathLike) -> tuple[Light, ...]:
         """Read a tuple of Light from a JSON file that holds a list of objects; their keys are the parameter names."""
         return list_of(cls, path, "the lights file", "lights", "light")

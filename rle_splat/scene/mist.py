@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from os import PathLike
 from reprlib import repr as short
+from typing import Literal, get_args
 
 from .checks import LARGEST_LENGTH, as_color, from_mapping, is_finite_number, positive, read_json
 from .errors import RleSplatError
 
-MIST_FALLOFFS = ("QUADRATIC", "LINEAR", "INVERSE_QUADRATIC")
+MistFalloff = Literal["QUADRATIC", "LINEAR", "INVERSE_QUADRATIC"]
+MIST_FALLOFFS = get_args(MistFalloff)
 
 
 @dataclass(frozen=True)
@@ -35,10 +39,10 @@ class Mist:
         If a value is out of range.
     """
 
-    start: float = 5.0
-    depth: float = 25.0
-    falloff: str = "QUADRATIC"
-    color: tuple = (0.05, 0.05, 0.05)
+    start: float
+    depth: float
+    falloff: MistFalloff = "QUADRATIC"
+    color: Sequence[float] = (0.05, 0.05, 0.05)
 
     def __post_init__(self):
         if not (is_finite_number(self.start) and 0.0 <= self.start <= LARGEST_LENGTH):
@@ -52,6 +56,6 @@ class Mist:
         object.__setattr__(self, "color", as_color(self.color, "The mist's color"))
 
     @classmethod
-    def from_json(cls, path) -> Mist:
+    def from_json(cls, path: str | PathLike) -> Mist:
         """Read a Mist from a JSON file whose keys are the parameter names."""
         return from_mapping(cls, read_json(path, "the mist file"), "The mist file")

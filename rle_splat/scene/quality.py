@@ -6,17 +6,26 @@ import re
 import warnings
 from dataclasses import dataclass, replace
 from reprlib import repr as short
+from typing import Any, Literal, get_args
 
 import numpy as np
 
 from .errors import RleSplatError
+
+QualityName = Literal["draft", "standard", "fine", "strict"]
+Classification = Literal["pre", "post"]
+Kernel = Literal["nearest", "tent", "bspline2", "bspline3", "gaussian"]
+Minification = Literal["off", "widen"]
+WarpFilter = Literal["bilinear", "keys", "cubic"]
+Model = Literal["extinction", "opacity"]
+Record = Literal[16, 8]  # bytes of a voxel record in the run-length tables; see encode/records.py
 
 NO_RAYS = 0.0
 PRESET_KNOBS = ("depth_rule", "sheet_density", "warp_filter", "termination", "rays")
 # What each quality preset sets of PRESET_KNOBS: for pre-classified sheets and for post-classified ones, for which this
 # is the usual plan: pipeline/preset_plan.py takes a better one for scenes that need it.
 # tests/truths/test_ladder.py asserts their errors; the benchmark "stages" prints their times.
-QUALITY_PRESETS = {
+QUALITY_PRESETS: dict[QualityName, dict[Classification, tuple]] = {
     "draft": {
         "pre": ("slice", 0.7, "bilinear", 1 / 256, NO_RAYS),
         "post": ("preintegrated", 0.45, "bilinear", 1 / 256, NO_RAYS),
@@ -35,10 +44,10 @@ EXACT_LIGHT = ("strict",)  # presets whose shadows and ambient occlusion are tra
 # The error that each preset aims at with post-classified sheets, with and without lamps: 999 of 1000 pixels err by at
 # most so many levels (1/255 of full scale, of any channel of premultiplied scene-linear RGBA).
 PRESET_AIMS = {"draft": 160.0, "standard": 80.0, "fine": 40.0, "strict": 25.0}
-DEFAULT_QUALITY = "standard"
+DEFAULT_QUALITY: QualityName = "standard"
 # Values of the settings, in the order in which they are shown.
-CLASSIFICATIONS = ("pre", "post")
-DEFAULT_CLASSIFICATION = "post"
+CLASSIFICATIONS = get_args(Classification)
+DEFAULT_CLASSIFICATION: Classification = "post"
 # What earlier versions had: field of Quality -> value that was removed -> the one that is used instead. The
 # classification is the first, because the one that is used instead can change the others.
 REMOVED_VALUES = {"classification": {"refined": "post"}, "minification": {"pool": "widen"}, "record": {6: 8, 4: 8}}
@@ -55,11 +64,11 @@ MOST_FADE = 15.0  # degrees; a wider range would draw most views along several a
 NAMED_DEPTH_RULES = ("slice", "slice-2", "simpson", "gauss2")
 DEPTH_RULES = (*NAMED_DEPTH_RULES, *(f"midpoint-{m}" for m in (1, 2, 4, 8, 16)))
 SCALAR_DEPTH_RULES = ("preintegrated", "preintegrated-2", "preintegrated-4")  # post-classified sheets only
-FOOTPRINTS = ("nearest", "tent", "bspline2", "bspline3", "gaussian")
-MINIFICATIONS = ("off", "widen")
-WARP_FILTERS = ("bilinear", "keys", "cubic")
-MODELS = ("extinction", "opacity")
-RECORDS = (16, 8)  # bytes of a voxel record in the run-length tables; see encode/records.py
+FOOTPRINTS = get_args(Kernel)
+MINIFICATIONS = get_args(Minification)
+WARP_FILTERS = get_args(WarpFilter)
+MODELS = get_args(Model)
+RECORDS = get_args(Record)
 # Description of each setting, used as command-line help and as tooltip of the panel.
 KNOB_TEXTS = {
     "classification": "when values become opacity and color: before or after interpolation",
@@ -226,18 +235,18 @@ class Quality:
         If a value is out of range, or two settings exclude each other.
     """
 
-    classification: str = DEFAULT_CLASSIFICATION
+    classification: Classification = DEFAULT_CLASSIFICATION
     depth_rule: str | None = None
     sheet_density: float | None = None
-    kernel: str = "tent"
-    minification: str = "off"
-    warp_filter: str | None = None
+    kernel: Kernel = "tent"
+    minification: Minification = "off"
+    warp_filter: WarpFilter | None = None
     termination: float | None = None
     axis_fade: float = 2.0
     rays: float | None = None
-    model: str = "extinction"
+    model: Model = "extinction"
     length_correction: bool = True
-    record: int = 16
+    record: Record = 16
     threads: int = 0
     name: str = DEFAULT_QUALITY
     exact_light: bool = False
@@ -301,13 +310,17 @@ class Quality:
             raise RleSplatError("The number of threads must not be negative; 0 means one per core.")
 
     @classmethod
-    def preset(cls, name: str, /, classification: str = DEFAULT_CLASSIFICATION, **overrides) -> Quality:
+    def preset(
+        cls, name: QualityName, /, classification: Classification = DEFAULT_CLASSIFICATION, **overrides: Any
+    ) -> Quality:
         """Make a Quality from the preset draft, standard, fine or strict.
 
         Parameters
         ----------
         name : {"draft", "standard", "fine", "strict"}
+            From the fastest to the most accurate.
         classification : {"post", "pre"}
+            As the field of this name.
         **overrides
             Fields of Quality that differ from the preset.
 
@@ -315,8 +328,8 @@ class Quality:
         -------
         Quality
         """
-        own = {"exact_light": traces_light(name, classification), **preset_knobs(name, classification)}
-        return cls(classification=classification, **{"name": name, **own, **overrides})
+        knobs: dict[str, Any] = {"name": name, "exact_light": traces_light(name, classification)}
+        return cls(classification=classification, **{**knobs, **preset_knobs(name, classification), **overrides})
 
     @property
     def is_preset(self) -> bool:
@@ -326,7 +339,7 @@ class Quality:
         mine = preset_knobs(self.name, self.classification)
         return all(getattr(self, knob) == value for knob, value in mine.items())
 
-    def classified(self, classification: str) -> Quality:
+    def classified(self, classification: Classification) -> Quality:
         """Copy with another classification. If all settings are those of a preset, the copy has that preset's too."""
         knobs = {"classification": classification, "rays": NO_RAYS if classification == "pre" else self.rays}
         if self.is_preset:
@@ -335,7 +348,7 @@ class Quality:
         return replace(self, **knobs)
 
     @classmethod
-    def paper(cls, **overrides) -> Quality:
+    def paper(cls, **overrides: Any) -> Quality:
         """The paper's literal pipeline: opacities added in slice-plane sheets, one sheet pixel per voxel.
 
         ``overrides`` are fields of Quality that differ.
@@ -346,7 +359,7 @@ class Quality:
         )  # fmt: skip
 
 
-def as_quality(quality: Quality | str | None) -> Quality:
+def as_quality(quality: Quality | QualityName | None) -> Quality:
     """Check a quality, or take a preset by its name; None is "standard"."""
     if isinstance(quality, str):
         return Quality.preset(quality)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from reprlib import repr as short
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -25,7 +26,8 @@ if TYPE_CHECKING:
     from ..volume.volume import Volume
 
 # What a pixel shows of the values along its ray; see effects/ray_values.py. Shown in help texts and tooltips.
-MODE_TEXTS = {
+Mode = Literal["composite", "xray", "mip", "minip", "average"]
+MODE_TEXTS: dict[Mode, str] = {
     "composite": "emission and absorption (front to back)",
     "xray": "absorption only (dense tissue is bright)",
     "mip": "largest value along the ray (in the colors of the transfer function)",
@@ -72,8 +74,11 @@ class Scene:
     Parameters
     ----------
     volume : Volume
+        The scan; or a StoredVolume, which has no values.
     transfer_function : TransferFunction
+        Opacity and color of the values.
     camera : Camera
+        Where the picture is seen from.
     width, height : int
         Size of the whole frame in pixels.
     volume_matrix : (4, 4) array_like
@@ -82,6 +87,7 @@ class Scene:
     scene_scale : float
         World units per unit of the volume.
     lights : tuple of Light
+        Lamps; without any, and without a headlight and a world, colors are not shaded.
     headlight : bool
         Whether a white parallel light shines along the camera's axis. Without any light, colors are not shaded.
     triangles : (n, 3, 3) ndarray of float64 or None
@@ -107,6 +113,7 @@ class Scene:
     mode : {"composite", "xray", "mip", "minip", "average"}
         What a pixel shows of the values along its ray.
     mist : Mist or None
+        Color that hides what is far away.
     smooth_outlines : bool
         Whether outlines are smooth: the picture is the mean of four, each shifted by a part of a pixel.
     volume_shadows : bool
@@ -121,6 +128,7 @@ class Scene:
     indirect_light : float
         Amount, 0 to 1, of light that is scattered on its way from lamps that cast shadows; ``post`` alone has it.
     labels : Labels or None
+        Segments with looks of their own, or hidden.
     channels : tuple of Channel
         Further volumes on the same grid. Extinctions are added; colors are averaged by extinction, or added where the
         volumes have colors and no transfer function shades.
@@ -151,7 +159,7 @@ class Scene:
     effects: dict[str, bool] = field(default_factory=dict)
     motion: tuple = ()
     clips: tuple = ()
-    mode: str = "composite"
+    mode: Mode = "composite"
     mist: Mist | None = None
     smooth_outlines: bool = False
     volume_shadows: bool = False
@@ -295,7 +303,7 @@ class Rendering:
     depth: np.ndarray
     report: dict
 
-    def to_srgb(self, background=None) -> np.ndarray:
+    def to_srgb(self, background: Sequence[float] | None = None) -> np.ndarray:
         """The pixels for display, such as for Pillow or matplotlib.
 
         Parameters

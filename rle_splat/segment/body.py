@@ -4,7 +4,10 @@ All but the last step works on voxels of about 2 mm: balls roll through the tiss
 cut off, so that a table that touches the body is cut off too.  A nose and an ear, which are short, come back.
 """
 
+from __future__ import annotations
+
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,6 +18,9 @@ from ..volume.reduced import reduce_steps
 from ..volume.volume import PATIENT, NamedLabel, Volume
 from .label_map import BACKGROUND, empty_map, put_segment
 from .masks import CC3D, grow_steps, keep_largest_steps, label_parts, load, shrink_steps
+
+if TYPE_CHECKING:
+    from ..classify.transfer_function import TransferFunction
 
 AIR = -1000.0  # HU; lower values are those beyond a scanner's field of view
 VOXEL = 2.0  # mm, the largest side of the voxels that the body is looked for in, and the air left around it
@@ -37,7 +43,7 @@ BODY = 1  # the label of the body
 NAMES = NamedLabel(BACKGROUND, "Background"), NamedLabel(BODY, "Body")
 
 
-def hide_table(volume: Volume, transfer_function) -> Labels | None:
+def body_labels(volume: Volume, transfer_function: TransferFunction) -> Labels | None:
     """Labels that hide what lies beside the body in a CT, if a transfer function shows much of it.
 
     Parameters
@@ -53,11 +59,11 @@ def hide_table(volume: Volume, transfer_function) -> Labels | None:
         For ``Scene.labels``: 1 is the body, 0 is hidden. None for a volume that is not in HU or changes with time, if
         no body is found, and if less than 0.6 % of the voxels shown lie beside it.
     """
-    return drain(hide_table_steps(volume, transfer_function))
+    return drain(body_labels_steps(volume, transfer_function))
 
 
-def hide_table_steps(volume: Volume, transfer_function):
-    """Generator of Progress: return what ``hide_table`` does; the label map has the names, too."""
+def body_labels_steps(volume: Volume, transfer_function):
+    """Generator of Progress: return what ``body_labels`` does; the label map has the names, too."""
     if volume.value_unit != "HU" or volume.frames > 1:
         return None
     try:
@@ -73,7 +79,7 @@ def hide_table_steps(volume: Volume, transfer_function):
 
 
 def map_steps(volume: Volume):
-    """Generator of Progress: the label map of ``hide_table``, whatever is shown; RleSplatError without a body."""
+    """Generator of Progress: the label map of ``body_labels``, whatever is shown; RleSplatError without a body."""
     return _map_of(volume, (yield from body_steps(volume)))
 
 

@@ -1,13 +1,14 @@
 """The matrix of a camera or a light that looks at a point."""
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..scene import RleSplatError
 
 LEAST_ANGLE = 1e-6  # sine of the angle between the view and up, below which up says nothing
 
 
-def look_at(position, target, up=(0.0, 0.0, 1.0)) -> np.ndarray:
+def look_at(position: ArrayLike, target: ArrayLike, up: ArrayLike = (0.0, 0.0, 1.0)) -> np.ndarray:
     """Make the ``matrix_world`` of a camera, a light or a cutting plane at one point that looks at another.
 
     Parameters

@@ -71,7 +71,7 @@ def world_to_pixel(camera: Camera, width: int, height: int) -> np.ndarray:
     # In plain Python: for rows of four numpy's overhead per call is larger.
     right, up, back, _ = world_to_camera(camera).tolist()
     ahead = [-part for part in back]
-    if camera.type == "ORTHO":
+    if camera.focus_distance is not None and any(camera.slant):
         beyond = (*ahead[:3], ahead[3] - camera.focus_distance)
         right, up = ([a - slant * b for a, b in zip(one, beyond)] for one, slant in zip((right, up), camera.slant))
     weight = ahead if camera.type == "PERSP" else (0.0, 0.0, 0.0, 1.0)

@@ -1,6 +1,7 @@
 """Turntable camera: looks at the center of a volume from an azimuth and an elevation."""
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..scene import Camera, RleSplatError
 from ..scene.checks import refuse_array
@@ -18,6 +19,7 @@ def turntable(
     Parameters
     ----------
     volume : Volume
+        The scan, whose middle is looked at.
     azimuth, elevation : float
         Degrees. 0 and 0 look along +Y with +Z up. Azimuth 90 is from a patient's left (+X), elevation 90 from above.
     fit : float
@@ -32,6 +34,7 @@ def turntable(
     Returns
     -------
     camera : Camera
+        Orthographic, unless ``perspective`` is set.
     volume_matrix : (4, 4) ndarray of float64
         Matrix of the volume object. For a volume in patient space the identity: the world is LPS, and azimuth 0 shows
         the face. For any other it undoes the rotation of the volume's affine, so that the world's axes are the voxel
@@ -141,12 +144,13 @@ def distance_to_see(extent, slopes) -> float:
     return float((extent[:, :2] / np.asarray(slopes, np.float64) + extent[:, 2:]).max())
 
 
-def turntable_aim(volume: Volume, volume_matrix, scene_scale: float = 1.0) -> np.ndarray:
+def turntable_aim(volume: Volume, volume_matrix: ArrayLike, scene_scale: float = 1.0) -> np.ndarray:
     """Find the point that ``turntable`` looks at.
 
     Parameters
     ----------
     volume : Volume
+        The scan.
     volume_matrix : (4, 4) array_like
         As ``turntable`` returns it.
     scene_scale : float
@@ -160,4 +164,4 @@ def turntable_aim(volume: Volume, volume_matrix, scene_scale: float = 1.0) -> np
     if volume.space != PATIENT:
         return 0.5 * (np.array(volume.shape_xyz) - 1) * volume.spacing * scene_scale
     middle = volume.affine @ (*(0.5 * (np.array(volume.shape_xyz) - 1)), 1.0)
-    return (volume_matrix @ (*(middle[:3] * scene_scale), 1.0))[:3]
+    return (np.asarray(volume_matrix) @ (*(middle[:3] * scene_scale), 1.0))[:3]

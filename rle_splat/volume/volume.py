@@ -7,6 +7,7 @@ from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..runtime.steps import drain
 from ..scene import RleSplatError, as_matrix
@@ -27,6 +28,7 @@ class NamedLabel:
     label : int
         Value of the label's voxels.
     name : str
+        Such as "Liver".
     color : (3,) tuple of float or None
         Scene-linear RGB.
     """
@@ -57,6 +59,7 @@ class Volume:
     background : float
         Stored value outside the grid.
     name : str
+        For messages, captions and ``default_transfer_function``, such as the name of the file.
     remarks : tuple of str
         Sentences about anything unusual in the data.
     space : {"patient"} or None
@@ -188,7 +191,7 @@ class Volume:
             self.measured[name] = make()
         return self.measured[name]
 
-    def physical(self, stored) -> np.ndarray:
+    def physical(self, stored: ArrayLike) -> np.ndarray:
         """Convert stored values to physical values, float64."""
         return np.asarray(stored, dtype=np.float64) * self.slope + self.intercept
 

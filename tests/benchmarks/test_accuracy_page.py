@@ -99,6 +99,20 @@ def test_knobs_are_told_as_factors_of_standard(measured):
     assert f"0.5: ×{page.figure_text(half / whole)}" in row and "**1**" in row
 
 
+def test_no_line_joins_depth_rules_of_two_families(measured, tmp_path, monkeypatch):
+    pytest.importorskip("matplotlib")
+    report, names = measured[0].report, measured[1]
+    drawn = []
+    monkeypatch.setattr(page, "save", lambda figure, *_: drawn.append(figure))
+    page.knobs_plot({"smoke": report}, {"smoke": names}, tmp_path / "a.png")
+    rules, density = drawn[0].axes[:2]
+    lines = [list(line.get_xdata(orig=True)) for line in rules.lines]
+    assert [line[0] for line in lines] == ["slice-2", "preintegrated"]
+    assert [rule for line in lines for rule in line] == list(page.DEPTH_RULES)
+    assert len(density.lines) == 1
+    assert [text.get_text() for text in drawn[0].legends[0].get_texts()] == ["smoke"]
+
+
 def test_a_narrow_transfer_function_is_what_pre_is_worst_at(subject):
     hard = page.narrow(subject)
     low, high = subject.volume.value_range

@@ -170,7 +170,7 @@ def encoded(folder):
         bpy.context.object, bpy.context.evaluated_depsgraph_get(), with_meshes=False
     )
     stored = core["pipeline.encode_scene"].encode(plain, quality.classified("pre"))
-    core["encode.store"].save_encoded(folder / "scan.rle", stored)
+    core["encode.store"].write_encoded(stored, folder / "scan.rle")
     assert bpy.ops.rle_splat.import_volume(filepath=str(folder / "scan.rle")) == {"FINISHED"}
 
 

@@ -32,9 +32,9 @@ def test_the_documented_scripts_run(tmp_path, core):
     phantoms = import_module("tests.read.dicom_phantoms")
     phantoms.write_classic(tmp_path / "scan", phantoms.geometry("a", (1, 0, 0), (0, 1, 0), [2.0 * i for i in range(6)]))
     (tmp_path / "bone.json").write_text('{"opacity": [[0, 0.0], [500, 0.9]], "color": [[0, 1.0, 1.0, 1.0]]}')
-    first, further = scripts_of(
+    first, further, of_array = scripts_of(
         "script-blender.md", dicom=tmp_path / "scan", scan=tmp_path / "render.png", bone=tmp_path / "bone.json",
-        segmentations=tmp_path / "masks",
+        segmentations=tmp_path / "masks", array=tmp_path / "array.nrrd",
     )  # fmt: skip
     scenes.use_cycles((32, 32))
     names = {}
@@ -62,6 +62,8 @@ def test_the_documented_scripts_run(tmp_path, core):
     assert all(row.use_color for row in scan.rle_splat.labels) and settings.clip_objects.objects
     red, green, *_ = names["pixels"].reshape(-1, 4).max(axis=0)
     assert red > 2.0 * green > 0.0
+    exec(of_array, names)
+    assert bpy.context.object.rle_splat.is_volume and (tmp_path / "array.nrrd").is_file()
 
 
 def test_the_camera_path_of_a_scene_shows_it_on_the_command_line(tmp_path, core, monkeypatch, capsys):

@@ -48,7 +48,7 @@ def encode(scan, bridge, core, tmp_path):
         quality = core("scene").Quality(classification="post" if kind == "post" else "pre")
         path = tmp_path / f"{kind}.rle"
         if kind == "file":
-            core("encode.store").save_encoded(path, core("pipeline.encode_scene").encode(plain, quality))
+            core("encode.store").write_encoded(core("pipeline.encode_scene").encode(plain, quality), path)
         else:
             core("pipeline.encode_folder").encode_folder(plain, path, quality)
         return path

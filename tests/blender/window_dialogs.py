@@ -126,7 +126,7 @@ def choose(folder: Path, name: str):
     yield
 
 
-def write_encoded() -> None:
+def write_tables() -> None:
     """A ball in the two forms of encoded voxels."""
     owner = add_volume(FOLDER)
     plain, _ = module("bridge.scene.render_scene").read_scene(
@@ -134,8 +134,8 @@ def write_encoded() -> None:
     )
     quality = module("rle_splat.scene").Quality(classification="pre")
     file, header = ENCODED
-    module("rle_splat.encode.store").save_encoded(
-        FOLDER / file, module("rle_splat.pipeline.encode_scene").encode(plain, quality)
+    module("rle_splat.encode.store").write_encoded(
+        module("rle_splat.pipeline.encode_scene").encode(plain, quality), FOLDER / file
     )
     module("rle_splat.pipeline.encode_folder").encode_folder(plain, (FOLDER / header).parent, quality)
 
@@ -304,7 +304,7 @@ def scenario():
     FILES.update(write_every_format(FOLDER, MODULE))
     watch_draws()
     yield from new_file()
-    write_encoded()
+    write_tables()
     for check in (check_others, check_series, check_folder, check_pages, check_drop, check_import):
         yield from check()
         passed(check.__name__)

@@ -8,7 +8,7 @@ import pytest
 
 from rle_splat.cli.options import memory_size
 from rle_splat.encode import folder as folder_form
-from rle_splat.encode.store import load_encoded
+from rle_splat.encode.store import read_encoded
 from rle_splat.pipeline import encode_folder
 from rle_splat.runtime import memory
 
@@ -57,7 +57,7 @@ def test_a_folder_says_by_itself_how_it_is_classified(call, encode, tmp_path):
 
 def test_a_folder_is_replaced_and_other_things_are_not(call, encode, tmp_path):
     assert encode().code == 0 and encode("--record", "8").code == 0
-    assert load_encoded(tmp_path / "a.rle").record == 8
+    assert read_encoded(tmp_path / "a.rle").record == 8
     (tmp_path / "mine.rle").mkdir()
     refused = encode(output="mine.rle")
     assert refused.code == 2 and "something else has this name" in refused.err
@@ -163,10 +163,10 @@ def image(tmp_path):
 
 def test_the_finest_level_of_a_zarr(call, image, tmp_path):
     assert call("encode", image, "-o", tmp_path / "a.rle", "--folder").code == 0
-    assert load_encoded(tmp_path / "a.rle").shape_xyz == (10, 9, 8)
+    assert read_encoded(tmp_path / "a.rle").shape_xyz == (10, 9, 8)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["a.rle", "a.zarr"]
     assert call("encode", image, "--level", "1", "-o", tmp_path / "b.rle", "--folder").code == 0
-    assert load_encoded(tmp_path / "b.rle").shape_xyz == (5, 5, 4)
+    assert read_encoded(tmp_path / "b.rle").shape_xyz == (5, 5, 4)
 
 
 def test_voxels_that_are_cut_short_leave_nothing(refused, image, raw, raw_options, tmp_path):

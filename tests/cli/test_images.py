@@ -59,7 +59,7 @@ def test_png_straight_alpha_is_read_back(tmp_path, picture):
     Image = pytest.importorskip("PIL.Image")
     rgba, depth = picture
     path = tmp_path / "p.png"
-    write_picture(path, Rendering(rgba, depth, {}))
+    write_picture(Rendering(rgba, depth, {}), path)
     image = Image.open(path)
     back = np.asarray(image)
     assert image.mode == "RGBA" and "srgb" in image.info
@@ -85,7 +85,7 @@ def test_exr_is_read_back(tmp_path, picture):
     OpenEXR = pytest.importorskip("OpenEXR")
     rgba, depth = picture
     path = tmp_path / "p.exr"
-    write_picture(path, Rendering(rgba, depth, {}), background=(1.0, 1.0, 1.0))
+    write_picture(Rendering(rgba, depth, {}), path, background=(1.0, 1.0, 1.0))
     with OpenEXR.File(str(path), separate_channels=True) as file:
         channels = file.channels()
         assert set(channels) == {"R", "G", "B", "A", "Depth.Z"}

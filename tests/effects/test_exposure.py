@@ -111,7 +111,7 @@ def test_every_point_of_the_lens_sees_the_plane_of_focus_at_the_same_pixels(fit,
     turned[:3, 3] = (1.0, -2.0, 3.0)
     camera = Camera(
         turned, kind, lens=35.0, sensor_fit=fit, shift_x=0.2, shift_y=-0.1, pixel_aspect=(1.0, 1.5),
-        focus_distance=7.0, aperture_radius=0.4,
+        focus_distance=7.0, aperture_radius=0.4, ortho_scale=6.0,
     )  # fmt: skip
     random = np.random.default_rng(1)
     points = np.c_[random.uniform(-2.0, 2.0, (20, 2)), np.full(20, -7.0), np.ones(20)] @ turned.T
@@ -194,7 +194,7 @@ def test_wide_blurs_take_no_more_pictures_than_there_are_points():
 
 @pytest.mark.parametrize("wrong", [
     {"aperture_radius": -1.0}, {"aperture_radius": np.nan}, {"focus_distance": 0.0}, {"aperture_ratio": 0.0},
-    {"aperture_blades": 2.5}, {"aperture_blades": -1}, {"aperture_rotation": np.inf},
+    {"aperture_blades": 2.5}, {"aperture_blades": -1}, {"aperture_rotation": np.inf}, {"aperture_radius": 1.0},
 ])  # fmt: skip
 def test_a_lens_that_is_none_is_refused_in_a_sentence(wrong):
     (name,) = wrong

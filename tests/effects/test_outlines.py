@@ -35,7 +35,7 @@ def ball(**more) -> Scene:
 @pytest.mark.parametrize("pixel_aspect", [(1.0, 1.0), (1.0, 2.0), (3.0, 2.0)])
 @pytest.mark.parametrize("kind", ["PERSP", "ORTHO"])
 def test_pictures_are_shifted_by_parts_of_a_pixel(fit, pixel_aspect, kind):
-    camera = Camera(type=kind, sensor_fit=fit, pixel_aspect=pixel_aspect, shift_x=0.1, shift_y=-0.2)
+    camera = Camera(type=kind, ortho_scale=6.0, sensor_fit=fit, pixel_aspect=pixel_aspect, shift_x=0.1, shift_y=-0.2)
     scene = replace(ball(smooth_outlines=True), camera=camera, width=90, height=64)
     moves = []
     for number in range(5):

@@ -107,7 +107,7 @@ def test_what_is_refused():
     with pytest.raises(RleSplatError, match="one sharp view"):
         replace(scene, ray_ends=ends, motion=(pose, pose))
     with pytest.raises(RleSplatError, match="one sharp view"):
-        replace(scene, ray_ends=ends, camera=replace(scene.camera, aperture_radius=0.1))
+        replace(scene, ray_ends=ends, camera=replace(scene.camera, aperture_radius=0.1, focus_distance=9.0))
     ends[3, 4] = np.nan
     with pytest.raises(RleSplatError, match="not a number"):
         render(replace(scene, ray_ends=ends), QUALITY)

@@ -13,7 +13,7 @@ from rle_splat.accuracy.planner.candidates import KEPT_KNOBS
 from rle_splat.accuracy.planner.machine import MachineProfile, profile_steps
 from rle_splat.accuracy.planner.ray_cost import measured_us
 from rle_splat.accuracy.planner.session import session_steps
-from rle_splat.accuracy.planner.tolerance import tolerance_steps
+from rle_splat.accuracy.planner.tolerance import render_within_steps
 from rle_splat.accuracy.planner.tolerance_report import CHOSEN, KEPT
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.pipeline import plan_model
@@ -180,7 +180,7 @@ def test_a_frame_keeps_the_plan_of_the_one_before_while_it_serves(monkeypatch, c
     quality, first = Quality(classification=classification), None
     plans = []
     for steepness in (6.0, 3.0, 1.5):  # ever smoother: a coarser plan would serve
-        rendering = drain(tolerance_steps(scene_of(steepness), 4.0, quality, probes=300, earlier=first))
+        rendering = drain(render_within_steps(scene_of(steepness), 4.0, quality, probes=300, earlier=first))
         report = rendering.report
         assert report["error"]["kept"] and report["plan"]["why"] == (CHOSEN if first is None else KEPT)
         first = report["plan"]
@@ -192,8 +192,8 @@ def test_a_plan_that_does_not_serve_a_frame_is_replaced_by_a_finer_one(monkeypat
     monkeypatch.setattr("rle_splat.accuracy.planner.session.profile_steps", always(PROFILE))
     quality = Quality(classification="pre")
     smooth, steep = (scene_of(steepness) for steepness in (0.5, 12.0))
-    first = drain(tolerance_steps(smooth, 4.0, quality, probes=300)).report["plan"]
-    alone, after = (drain(tolerance_steps(steep, 4.0, quality, probes=300, earlier=plan)) for plan in (None, first))
+    first = drain(render_within_steps(smooth, 4.0, quality, probes=300)).report["plan"]
+    alone, after = (drain(render_within_steps(steep, 4.0, quality, probes=300, earlier=plan)) for plan in (None, first))
     assert after.report["plan"]["why"] == CHOSEN
     assert [after.report["plan"][knob] for knob in KEPT_KNOBS] == [alone.report["plan"][knob] for knob in KEPT_KNOBS]
     np.testing.assert_array_equal(after.rgba, alone.rgba)

@@ -135,6 +135,14 @@ def test_the_pages_of_the_reference_are_current():
     assert not stale, f"run python -m devtools.docs_reference, which writes {', '.join(stale)}"
 
 
+def test_every_parameter_of_python_says_what_it_is_and_types_lead_to_their_entries():
+    page = docs_reference.python()
+    assert not re.findall(r"^- (?:`[^`]*`|[^:`]*|`\w+` \(.*\))$", page, re.MULTILINE)
+    assert "- `camera` ([Camera](#camera)): " in page and "- `lens : float`: " in page
+    names = set(re.findall(r"^## (\w+)$", page, re.MULTILINE))
+    assert {link[0] for link in re.findall(r"\[(\w+)\]\(#(\w+)\)", page)} <= names
+
+
 def test_an_outdated_page_is_noticed(monkeypatch):
     monkeypatch.setitem(docs_reference.PARTS, "licenses", lambda: "Nothing is bundled.")
     ((page, text),) = docs_reference.outdated().items()

@@ -147,7 +147,7 @@ def by_stages(scene, quality, kept=None):
     """(Rendering, Splats, warps) of a scene; see ``stages``."""
     splats, warps = [], []
     with stages(splats, warps), np.errstate(all="ignore"):
-        made = drain(render_steps(scene, quality, kept, refuse_empty_view=False))
+        made = drain(render_steps(scene, quality, cache=kept, refuse_empty_view=False))
     return made, splats, warps
 
 

@@ -440,7 +440,7 @@ def test_A15_jobs_that_interleave_share_a_store_and_no_result(record, classifica
     for other, picture in zip(others, fresh[1:], strict=True):
         for steps in range(1, most, 3):
             store = StageCache()
-            begun = render_steps(first, quality, store)
+            begun = render_steps(first, quality, cache=store)
             for _ in range(steps):
                 next(begun)
             wrong += (render(other, quality, cache=store).rgba != picture).any()

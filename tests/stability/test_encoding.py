@@ -17,7 +17,7 @@ from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.classify.visible import row_offsets
 from rle_splat.comparison.ours import decode
 from rle_splat.encode.encode import encode
-from rle_splat.encode.store import load_encoded, save_encoded
+from rle_splat.encode.store import read_encoded, write_encoded
 from rle_splat.encode.stored import StoredVolume
 from rle_splat.encode.tables import pointers_from_counts, scanline_pointers_from_counts
 from rle_splat.pipeline import quick_estimate
@@ -459,8 +459,8 @@ def test_S7_scales_that_overflow_are_refused(record, tmp_path, record_bytes, sca
     decoding = e.decoding.copy()
     decoding[:] *= np.float32(scale)
     stored = StoredVolume.of({2: dataclasses.replace(e, decoding=decoding)}, np.eye(4))
-    save_encoded(tmp_path / "v.rle", stored)
+    write_encoded(stored, tmp_path / "v.rle")
     with pytest.raises(RleSplatError) as problem:
-        assert load_encoded(tmp_path / "v.rle").axes
+        assert read_encoded(tmp_path / "v.rle").axes
     record("S7", "files with scales beyond float32 without a clear error", not is_sentence(str(problem.value)), 0,
            "either", TABLES_ARE_WHOLE)  # fmt: skip

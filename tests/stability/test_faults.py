@@ -74,7 +74,7 @@ threads = [
 for thread in threads:
     thread.start()
 for n in range(4):  # and the viewport, on the main thread, which begins one picture and wants another at once
-    first, second = (render_steps(*scene(name), StageCache()) for name in (SCENES[n % 3], SCENES[(n + 1) % 3]))
+    first, second = (render_steps(*scene(name), cache=StageCache()) for name in (SCENES[n % 3], SCENES[(n + 1) % 3]))
     for _ in range(2):
         next(first)
     if (drain(second).rgba != wanted[SCENES[(n + 1) % 3]]).any() or (drain(first).rgba != wanted[SCENES[n % 3]]).any():
@@ -155,7 +155,7 @@ def test_A15_cancelled_a_hundred_times_at_random(record):
         name = names[turn % 3]
         stop = int(random.integers(1, steps[name] + 1))
         if turn % 2:
-            work = render_steps(*scene(name), store)
+            work = render_steps(*scene(name), cache=store)
             for _ in range(stop):
                 next(work, None)  # what is kept saves steps, so it may end before
             work.close()

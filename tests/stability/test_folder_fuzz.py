@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.encode.members import HEADER
-from rle_splat.encode.store import load_encoded
+from rle_splat.encode.store import read_encoded
 from rle_splat.pipeline import encode_folder
 from rle_splat.pipeline.render import render
 from rle_splat.scene import Light, Quality, RleSplatError, Scene
@@ -102,7 +102,7 @@ def write(path, header, pieces) -> int:
 
 def rendered(path, axis, planes=None):
     """The picture of a folder, of its planes z [first, last) alone if they are given."""
-    stored = load_encoded(path)
+    stored = read_encoded(path)
     scene = replace(view_of(stored, axis), volume=stored.of_planes(*planes) if planes else stored)
     return render(scene, Quality(classification=stored.classification, depth_rule="slice", warp_filter="bilinear",
                                 threads=1, rays=0.0, sheet_density=1.0))  # fmt: skip

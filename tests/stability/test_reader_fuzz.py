@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 from rle_splat.classify.default import default_transfer_function
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.encode.encode import encode
-from rle_splat.encode.store import load_encoded, save_encoded
+from rle_splat.encode.store import read_encoded, write_encoded
 from rle_splat.encode.stored import StoredVolume
 from rle_splat.pipeline.render import render
 from rle_splat.read.formats import read_volume
@@ -329,7 +329,7 @@ def rle_file(folder) -> bytes:
     classified = classified_from(np.random.default_rng(4).random((5, 4, 6)) < 0.4, 4)
     axes = {axis: encode(classified, classified.color, axis, record=8) for axis in (1, 2)}
     place = np.diag((0.5, 0.5, 2.0, 1.0)), "mm", 0.001
-    save_encoded(folder / "whole.rle", StoredVolume.of(axes, *place, GOOD_FUNCTION, {}, "head.raw", ("one",)))
+    write_encoded(StoredVolume.of(axes, *place, GOOD_FUNCTION, {}, "head.raw", ("one",)), folder / "whole.rle")
     return (folder / "whole.rle").read_bytes()
 
 
@@ -383,7 +383,7 @@ def test_R3_rle_files(record, tmp_path):
     def search(content):
         path = tmp_path / "damaged.rle"
         path.write_bytes(content)
-        stored, _ = outcome(lambda: load_encoded(path), len(content), 20)
+        stored, _ = outcome(lambda: read_encoded(path), len(content), 20)
         if stored is not None:
             picture, _ = outcome(lambda: rendered(stored), len(content), 1e4)
             assert picture is None or np.isfinite(picture.rgba).all()

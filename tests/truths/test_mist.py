@@ -124,9 +124,9 @@ def test_off_is_the_picture_without_it_bit_for_bit(stage, classification):
 )
 def test_what_is_no_mist_is_refused_in_one_sentence(wrong):
     with pytest.raises(RleSplatError, match=r"mist's"):
-        Mist(**wrong)
+        Mist(**{"start": 1.0, "depth": 90.0} | wrong)
 
 
 def test_there_is_no_truth_of_it(stage):
     with pytest.raises(RleSplatError, match="mist"):
-        truth(replace(slab(stage), mist=Mist()), "T2")
+        truth(replace(slab(stage), mist=Mist(1.0, 90.0)), "T2")

@@ -44,7 +44,9 @@ def box(stage):
 
 
 def picture(scenes, **how):
-    steps = several_steps(scenes, lambda scene, _: render_steps(scene, QUALITY, None, refuse_empty_view=False), **how)
+    steps = several_steps(
+        scenes, lambda scene, _: render_steps(scene, QUALITY, cache=None, refuse_empty_view=False), **how
+    )
     return drain(steps)
 
 
@@ -90,7 +92,7 @@ def test_volumes_are_mixed_in_bands_of_rows(box, monkeypatch):
     """So that no step of a viewport's picture is the mixture of all its pixels."""
     scenes = [box((0, -4, 0), 0.2, RED), box((0, 4, 3), 0.1, BLUE), box((0, 0, 20), 0.1, BLUE)]
     whole = picture(scenes)
-    steps, bands = several_steps(scenes, lambda scene, _: render_steps(scene, QUALITY, None)), []
+    steps, bands = several_steps(scenes, lambda scene, _: render_steps(scene, QUALITY)), []
     monkeypatch.setattr(several, "BAND", 3 * 16)
     found = drain(steps, lambda step: bands.append(step.message == "Mixing volumes"))
     np.testing.assert_array_equal(found.rgba, whole.rgba)
@@ -133,7 +135,7 @@ def test_only_pixels_that_show_both_are_mixed(box):
     found = picture([one, other])
     assert found.report["volumes"]["mixed"]
     for scene, rows in zip((one, other), (slice(bottom, 16), slice(0, top))):
-        alone = drain(render_steps(scene, QUALITY, None))
+        alone = drain(render_steps(scene, QUALITY))
         np.testing.assert_array_equal(found.rgba[rows], alone.rgba[rows])
     far = box((0, -40, 0), 0.2, RED)
     assert find_shared_pixels([far, other]) is None
@@ -142,7 +144,7 @@ def test_only_pixels_that_show_both_are_mixed(box):
 def test_one_of_two_volumes_is_the_picture_of_it_alone(box):
     alone, clear = box((0, 0, 0), 0.3, RED), box((0, 0, 4), 0.0, BLUE)
     found = picture([alone, clear])
-    expected = drain(render_steps(alone, QUALITY, None))
+    expected = drain(render_steps(alone, QUALITY))
     inside = slice(3, 13), slice(3, 13)  # at the box's sides each slab rings a little
     np.testing.assert_allclose(found.rgba[inside], expected.rgba[inside], atol=0.2 / 255.0)
     np.testing.assert_array_equal(picture([alone]).rgba, expected.rgba)
@@ -154,7 +156,7 @@ def test_a_volume_before_the_clip_distances_is_left_out(box):
         for scene in (box((0, 0, 5), 0.06, RED), box((0, 0, 0), 0.1, BLUE))
     )
     found = picture([near, far])
-    expected = drain(render_steps(far, QUALITY, None))
+    expected = drain(render_steps(far, QUALITY))
     np.testing.assert_allclose(found.rgba, expected.rgba, atol=1e-6)
     assert found.rgba[..., 3].max() > 0.2 and found.report["volumes"]["count"] == 2
 
@@ -187,6 +189,6 @@ def test_boxes_that_hide_each_other_in_a_circle_are_one_group():
         tilt[:3, :3] = ((1, 0, 0), (0, 1, 0), (0.35, 0, 1))
         spin = np.array(((c, -s, 0, 0), (s, c, 0, 0), (0, 0, 1, 0), (0, 0, 0, 1)))
         bars.append(box_of(spin @ moved((-12.0, -8.0, 0)) @ tilt @ long, (N, N, N)))
-    camera = Camera(moved((0.0, 0.0, 90.0)), type="ORTHO")
+    camera = Camera(moved((0.0, 0.0, 90.0)), type="ORTHO", ortho_scale=8.0)
     assert near_to_far(bars, camera) == [[0, 1, 2]]
     assert sorted(near_to_far(bars[:2], camera)) == [[0], [1]]

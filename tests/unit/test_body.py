@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rle_splat import TransferFunction, hide_table
+from rle_splat import TransferFunction, body_labels
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import RleSplatError
 from rle_splat.segment.body import body_steps
@@ -156,10 +156,10 @@ def test_what_a_transfer_function_shows_beside_the_body_is_hidden():
         TransferFunction(opacity=((low, 0.0), (low, 0.5), (high, 0.5), (high, 0.0)), color=((0.0, 1.0, 1.0, 1.0),))
         for low, high in ((0.0, 300.0), (-900.0, -800.0))
     )
-    found = hide_table(volume, soft)
+    found = body_labels(volume, soft)
     shown = found.volume.voxels == 1
     assert found.functions == {0: None} and shown[body].mean() > 0.995 and not shown[table].any()
-    assert hide_table(volume, lungs) is None  # nothing beside the body is seen
-    assert hide_table(volume_of(np.full(SHAPE, 40.0)), soft) is None  # no body
-    assert hide_table(replace(volume, value_unit=None), soft) is None  # no CT
-    assert hide_table(replace(volume, frames=2), soft) is None
+    assert body_labels(volume, lungs) is None  # nothing beside the body is seen
+    assert body_labels(volume_of(np.full(SHAPE, 40.0)), soft) is None  # no body
+    assert body_labels(replace(volume, value_unit=None), soft) is None  # no CT
+    assert body_labels(replace(volume, frames=2), soft) is None

@@ -68,7 +68,7 @@ def test_what_follows_a_cancelled_picture_is_as_if_it_had_never_been(monkeypatch
     told = []
     while True:
         before, size = store.contents, store.nbytes
-        work = render_steps(other, quality, store)
+        work = render_steps(other, quality, cache=store)
         messages = [next(work).message for _ in range(len(told) + 1)]
         work.close()
         told.append(messages[-1])

@@ -92,7 +92,7 @@ def test_the_stages_of_a_picture_add_up_to_the_call(classification, way, watch):
     cache = StageCache()
     for _ in range(2):
         steps = []
-        found = render(scene_of(), quality, steps.append, cache).report["stages_ms"]
+        found = render(scene_of(), quality, steps.append, cache=cache).report["stages_ms"]
         assert set(found) == {*STAGES, "total"}
         assert found["total"] == pytest.approx(sum(found[stage] for stage in STAGES))
         # Every reading of the watch belongs to the picture, but for those at which it goes on after a step, and a few

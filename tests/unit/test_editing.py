@@ -266,7 +266,7 @@ def test_a15_a_cancelled_job_leaves_what_is_kept_as_it_was(classification, messa
     edited = scene(azimuth=70, function=WIDER, headlight=True)
     steps = 0
     while True:
-        work = render_steps(edited, quality, cache)
+        work = render_steps(edited, quality, cache=cache)
         messages = [next(work).message for _ in range(steps + 1)]
         work.close()
         if messages[-1] == "Done":

@@ -15,7 +15,7 @@ import rle_splat
 from rle_splat.classify.transfer_function import TransferFunction
 from rle_splat.encode import folder as folder_form
 from rle_splat.encode.folder import FolderWriter, unfinished_path
-from rle_splat.encode.store import load_encoded
+from rle_splat.encode.store import read_encoded
 from rle_splat.pipeline import encode_folder, memory_estimate
 from rle_splat.pipeline.encode_folder import encode_folder_steps
 from rle_splat.pipeline.render import render
@@ -64,7 +64,7 @@ def encoded(path, scene, quality, **options):
 
 
 def from_folder(path, scene, quality):
-    return render(replace(scene, volume=load_encoded(path), lights=(), headlight=False), quality)
+    return render(replace(scene, volume=read_encoded(path), lights=(), headlight=False), quality)
 
 
 @pytest.mark.parametrize("classification", QUALITIES)
@@ -163,7 +163,7 @@ def test_a_large_volume_is_stored_in_larger_voxels_too(tmp_path, few_planes, mon
     monkeypatch.setattr(encode_folder, "COARSE_VOXELS", NX * NY * NZ // 4)
     scene, quality, path = scene_of(volume_of()), QUALITIES[classification], tmp_path / "a.rle"
     encoded(path, scene, quality)
-    whole = load_encoded(path)
+    whole = read_encoded(path)
     assert whole.coarse.shape_xyz == (-(-NX // 2), -(-NY // 2), -(-NZ // 2)) and whole.coarse.coarse is None
     function = TransferFunction.from_json({**FUNCTION, "opacity_unit_distance": 0.9})  # of the volume's own voxels
     coarse = replace(scene, volume=drain(reduce_steps(scene.volume, (2, 2, 2))), transfer_function=function)
@@ -178,13 +178,13 @@ def test_a_large_volume_is_stored_in_larger_voxels_too(tmp_path, few_planes, mon
     unfinished_path(path).rename(path)
     (path / "coarse" / folder_form.HEADER).unlink()
     with pytest.raises(RleSplatError, match="Cannot read"):
-        load_encoded(path)
+        read_encoded(path)
     monkeypatch.setattr(encode_folder, "COARSE_VOXELS", NX * NY * NZ)
     encoded(tmp_path / "b.rle", scene, quality)
-    assert load_encoded(tmp_path / "b.rle").coarse is None and not (tmp_path / "b.rle" / "coarse").exists()
+    assert read_encoded(tmp_path / "b.rle").coarse is None and not (tmp_path / "b.rle" / "coarse").exists()
     monkeypatch.setattr(encode_folder, "COARSE_VOXELS", (NX // 2) * (NY // 2) * (NZ // 2))  # odd sides are rounded up
     encoded(tmp_path / "c.rle", scene, quality)
-    assert load_encoded(tmp_path / "c.rle").coarse.shape_xyz == (-(-NX // 4), -(-NY // 4), -(-NZ // 4))
+    assert read_encoded(tmp_path / "c.rle").coarse.shape_xyz == (-(-NX // 4), -(-NY // 4), -(-NZ // 4))
     assert not (tmp_path / "c.rle" / "coarse" / "coarse").exists()
 
 
@@ -269,7 +269,7 @@ def test_a_failed_job_leaves_nothing(tmp_path, few_planes, monkeypatch):
             break
     steps.close()
     assert sorted(file.name for file in tmp_path.rglob("*")) == before
-    assert load_encoded(tmp_path / "a.rle").record == 16
+    assert read_encoded(tmp_path / "a.rle").record == 16
 
 
 def test_two_jobs_for_one_place(tmp_path, few_planes, monkeypatch):
@@ -328,9 +328,9 @@ def test_a_folder_that_a_program_holds(tmp_path, few_planes, monkeypatch, held, 
         encoded(path, scene, other)
     assert calls.count(held) == 3 and 0.0 < sum(pauses) <= 0.5
     if times == 3:
-        assert load_encoded(path).record == 16
+        assert read_encoded(path).record == 16
         assert encoded(path, scene, other)["folder"]["resumed_at_plane"] == scene.volume.shape_xyz[2]
-    assert load_encoded(path).record == 8 and [file.name for file in tmp_path.iterdir()] == ["a.rle"]
+    assert read_encoded(path).record == 8 and [file.name for file in tmp_path.iterdir()] == ["a.rle"]
     assert not (path / "journal").exists()
 
 
@@ -343,7 +343,7 @@ def test_a_folder_comes_back_whose_replacement_was_killed_between_its_two_rename
         if "Encoding" in step.message:
             break
     steps.close()
-    assert load_encoded(path).record == 16 and [file.name for file in tmp_path.iterdir()] == ["a.rle"]
+    assert read_encoded(path).record == 16 and [file.name for file in tmp_path.iterdir()] == ["a.rle"]
 
 
 def test_what_a_folder_cannot_hold(tmp_path):

@@ -296,7 +296,7 @@ def test_a_folder_that_the_user_has_given_numba_is_used(tmp_path):
 def test_settings_parts_and_constants_of_other_files_are_in_the_key_of_a_kernel_and_nothing_else(tmp_path):
     copy = Copy(tmp_path)
     assert [copy.runs(), copy.runs(NUMBA_OPT="1")] == ["2 2 5 0"] * 2
-    copy.edit("scene/quality.py", "MODELS = (", "# A remark.\nUNUSED = 7\nMODELS = (")  # no kernels there
+    copy.edit("scene/quality.py", "MODELS = ", "# A remark.\nUNUSED = 7\nMODELS = ")  # no kernels there
     lines, shift = copy.folder / "encode" / "line_bits.py", copy.folder / "shift.py"
     lines.write_text("# A line above the kernels.\n" + lines.read_text(encoding="utf-8"), encoding="utf-8")
     assert copy.runs() == "2 2 5 1"

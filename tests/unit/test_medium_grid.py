@@ -86,7 +86,7 @@ def test_the_grid_does_not_depend_on_the_view_and_is_lit():
     scene = scene_of(**lit)
     turned = np.diag((-1.0, 1.0, -1.0, 1.0))
     other = scene_of(**lit, width=7, crop=(0, 0, 3, 3))
-    vars(other)["camera"] = Camera(turned, aperture_radius=1.0)
+    vars(other)["camera"] = Camera(turned, aperture_radius=1.0, focus_distance=10.0)
     made = grid_of(scene)
     np.testing.assert_array_equal(made, grid_of(other))
     assert for_any_view(other).camera is for_any_view(scene).camera

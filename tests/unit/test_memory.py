@@ -251,7 +251,7 @@ for number in range(220):
     camera, matrix = turntable(scene.volume, 7.0 * number, 20.0)
     function, _ = fit_preset(next(names), scene.volume)
     seen = replace(scene, camera=camera, volume_matrix=matrix, transfer_function=function, **kinds[number % 3])
-    drain(render_steps(seen, Quality(threads=1, classification="pre" if number % 7 == 6 else "post"), cache))
+    drain(render_steps(seen, Quality(threads=1, classification="pre" if number % 7 == 6 else "post"), cache=cache))
     resident.append(status("VmRSS"))
 print(int(median(resident[90:130])), int(median(resident[180:])))
 """

@@ -1,13 +1,15 @@
 """Raw files: every type, byte order, header and packing gives the voxels that were written; every misfit a sentence."""
 
 import gzip
+import inspect
 import os
 
 import numpy as np
 import pytest
 
-from rle_splat.read.formats import FORMATS, OPTIONS, format_of, read_volume, suffixes, write_volume
+from rle_splat.read.formats import FORMATS, OPTIONS, format_of, read_steps, read_volume, suffixes, write_volume
 from rle_splat.read.layout import content_bytes
+from rle_splat.runtime.steps import drain
 from rle_splat.scene import RleSplatError
 from rle_splat.volume.volume import STORED_TYPES, Volume
 
@@ -117,13 +119,22 @@ def test_a_file_that_unpacks_without_end_is_counted_only_so_far(tmp_path):
         (dict(slope=0.0), "not zero"),
         (dict(intercept=float("inf")), "finite"),
         (dict(grid="density"), "does not apply"),
-        (dict(colour="red"), "no volume option 'colour'"),
     ],
 )
 def test_each_wrong_option_gets_its_sentence(tmp_path, options, words):
     path = write(tmp_path / "a.raw", bytes(60))
     with pytest.raises(RleSplatError, match=words):
         read_volume(path, **{"shape": SHAPE, "dtype": "uint8", **options})
+
+
+def test_an_option_that_no_format_has_gets_its_sentence(tmp_path):
+    path = write(tmp_path / "a.raw", bytes(60))
+    with pytest.raises(RleSplatError, match="no volume option 'colour'"):
+        drain(read_steps(path, shape=SHAPE, dtype="uint8", colour="red"))
+
+
+def test_the_parameters_of_read_volume_are_the_options_of_all_formats():
+    assert set(inspect.signature(read_volume).parameters) == {"path", *OPTIONS}
 
 
 def test_files_that_are_not_there_or_of_no_known_kind(tmp_path):

@@ -12,7 +12,7 @@ from rle_splat.comparison.ours import decode
 from rle_splat.encode import encode_kernels, reference
 from rle_splat.encode.encode import encode
 from rle_splat.encode.records import decoding_of, empty_records, unpack
-from rle_splat.encode.store import load_encoded, save_encoded
+from rle_splat.encode.store import read_encoded, write_encoded
 from rle_splat.encode.stored import StoredVolume
 from rle_splat.pipeline.encode_scene import encode as encode_scene
 from rle_splat.pipeline.render import render
@@ -201,8 +201,8 @@ def test_short_records_come_back_from_a_file(tmp_path):
     classified, colors = classify_and_shade(lit_scene(20), QUALITY, Clock())
     axes = {axis: encode(classified, colors, axis, record=SHORT) for axis in (0, 2)}
     path = tmp_path / "v.rle"
-    save_encoded(path, StoredVolume.of(axes, np.eye(4)))
-    back = load_encoded(path)
+    write_encoded(StoredVolume.of(axes, np.eye(4)), path)
+    back = read_encoded(path)
     assert back.record == SHORT
     for axis, encoded in axes.items():
         np.testing.assert_array_equal(back.axes[axis].voxel_data, encoded.voxel_data)
@@ -213,7 +213,7 @@ def test_short_records_come_back_from_a_file(tmp_path):
         with pytest.raises(RleSplatError, match="damaged"):
             validate(replace(axes[2], decoding=wrong))
     with pytest.raises(RleSplatError, match="record"):
-        save_encoded(path, StoredVolume.of({**axes, 1: encode(classified, colors, 1)}, np.eye(4)))
+        write_encoded(StoredVolume.of({**axes, 1: encode(classified, colors, 1)}, np.eye(4)), path)
 
 
 def test_other_sizes_are_refused():

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import rle_splat
-from rle_splat.encode.store import load_encoded
+from rle_splat.encode.store import read_encoded
 from rle_splat.pipeline import encode_folder
 from rle_splat.pipeline.render import render
 from rle_splat.pipeline.sections import composite_steps, over, section_steps
@@ -40,7 +40,7 @@ def scene(folders):
 
     def make(name, axis=1, **changes):
         changes = {"lights": (), "headlight": False, **changes}
-        return replace(scene_of(volume_of(), axis), volume=load_encoded(folders[name]), **changes)
+        return replace(scene_of(volume_of(), axis), volume=read_encoded(folders[name]), **changes)
 
     return make
 

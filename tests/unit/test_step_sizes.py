@@ -85,7 +85,8 @@ def list_steps(monkeypatch, voxels, function, quality: str, classification: str,
     found = []
     with monkeypatch.context() as patch:
         patch.setattr(jit.internals.Kernel, "__call__", count)
-        for _ in render_steps(scene, Quality.preset(quality, classification=classification, threads=1), StageCache()):
+        plan = Quality.preset(quality, classification=classification, threads=1)
+        for _ in render_steps(scene, plan, cache=StageCache()):
             found.append(Counter(done))
             done.clear()
     return sorted(found, key=Counter.total, reverse=True)

@@ -15,7 +15,7 @@ from rle_splat.comparison.ours import decode
 from rle_splat.encode import store
 from rle_splat.encode.encode import encode
 from rle_splat.encode.members import HEADER
-from rle_splat.encode.store import load_encoded, save_encoded
+from rle_splat.encode.store import read_encoded, write_encoded
 from rle_splat.encode.stored import StoredVolume
 from rle_splat.scene import RleSplatError
 
@@ -43,8 +43,8 @@ def stored(axes=(0, 1, 2), **kwargs):
 def test_a_file_comes_back_as_it_was(tmp_path, axes, density):
     """And as the same bytes, saved again."""
     before = stored(axes, density=density)
-    save_encoded(tmp_path / "v.rle", before)
-    after = load_encoded(tmp_path / "v.rle")
+    write_encoded(before, tmp_path / "v.rle")
+    after = read_encoded(tmp_path / "v.rle")
     assert after.principal_axes == axes and after.shape_xyz == (6, 4, 5) and after.model == "extinction"
     for axis, tables in after.axes.items():
         np.testing.assert_array_equal(decode(tables), decode(before.axes[axis]))
@@ -52,7 +52,7 @@ def test_a_file_comes_back_as_it_was(tmp_path, axes, density):
     np.testing.assert_array_equal(after.affine, before.affine)
     for name in ("unit", "unit_length", "transfer_function", "lighting", "source", "remarks", "most_color"):
         assert getattr(after, name) == getattr(before, name)
-    save_encoded(tmp_path / "w.rle", after)
+    write_encoded(after, tmp_path / "w.rle")
     assert (tmp_path / "w.rle").read_bytes() == (tmp_path / "v.rle").read_bytes()
 
 
@@ -68,16 +68,16 @@ def test_nothing_half_made_is_left(tmp_path, monkeypatch):
         with monkeypatch.context() as patch:
             patch.setattr(store, "write_file", broken)
             with pytest.raises((RleSplatError, KeyboardInterrupt)):
-                save_encoded(path, stored())
+                write_encoded(stored(), path)
         assert [p.name for p in tmp_path.iterdir()] == ["v.rle"] and path.read_bytes() == b"the old file"
     with pytest.raises(RleSplatError, match="Cannot write"):
-        save_encoded(tmp_path / "nowhere" / "v.rle", stored())
+        write_encoded(stored(), tmp_path / "nowhere" / "v.rle")
 
 
 def refused(path):
     """Opening the file, or the tables in it, ends in one sentence."""
     with pytest.raises(RleSplatError) as problem:
-        assert load_encoded(path).axes
+        assert read_encoded(path).axes
     text = str(problem.value)
     assert text.endswith(".") and "\n" not in text and len(text) < 400
 
@@ -85,8 +85,8 @@ def refused(path):
 def test_a_foreign_missing_or_cut_file_is_refused(tmp_path):
     path = tmp_path / "v.rle"
     with pytest.raises(RleSplatError, match="No such file"):
-        load_encoded(path)
-    save_encoded(path, stored())
+        read_encoded(path)
+    write_encoded(stored(), path)
     whole = path.read_bytes()
     for content in (b"", b"hello", whole[: len(whole) // 2], whole[:-1], whole[1:]):
         path.write_bytes(content)
@@ -96,8 +96,8 @@ def test_a_foreign_missing_or_cut_file_is_refused(tmp_path):
 @pytest.mark.skipif(os.name == "nt", reason="Windows lets nobody cut a mapped file")
 def test_a_file_that_is_cut_while_it_is_open_is_refused(tmp_path):
     path = tmp_path / "v.rle"
-    save_encoded(path, stored())
-    opened = load_encoded(path)
+    write_encoded(stored(), path)
+    opened = read_encoded(path)
     assert len(opened.axes) == 3
     with open(path, "r+b") as file:
         file.truncate(1000)
@@ -107,16 +107,16 @@ def test_a_file_that_is_cut_while_it_is_open_is_refused(tmp_path):
 
 def test_a_flipped_byte_is_found_or_does_no_harm(tmp_path):
     path = tmp_path / "v.rle"
-    save_encoded(path, stored((2,), shape=(2, 3, 4)))
+    write_encoded(stored((2,), shape=(2, 3, 4)), path)
     whole = path.read_bytes()
-    truth = decode(load_encoded(path).axes[2])
+    truth = decode(read_encoded(path).axes[2])
     found = 0
     for at in range(len(whole)):
         flip = (0x01, 0x80, 0xFF)[at % 3]
         path = tmp_path / f"{at}.rle"  # Windows lets nobody write to a mapped file
         path.write_bytes(whole[:at] + bytes([whole[at] ^ flip]) + whole[at + 1 :])
         try:
-            same = load_encoded(path).axes[2]
+            same = read_encoded(path).axes[2]
         except RleSplatError:
             found += 1
             continue
@@ -138,10 +138,10 @@ def zipped(path, members, compression=zipfile.ZIP_STORED):
 
 def test_a_file_that_another_program_zipped(tmp_path):
     path = tmp_path / "v.rle"
-    save_encoded(path, stored())
-    truth, members = decode(load_encoded(path).axes[1]), members_of(path)
+    write_encoded(stored(), path)
+    truth, members = decode(read_encoded(path).axes[1]), members_of(path)
     zipped(path, members)
-    np.testing.assert_array_equal(decode(load_encoded(path).axes[1]), truth)
+    np.testing.assert_array_equal(decode(read_encoded(path).axes[1]), truth)
     zipped(path, members, zipfile.ZIP_DEFLATED)
     refused(path)
 
@@ -180,7 +180,7 @@ def test_a_file_that_another_program_zipped(tmp_path):
 )
 def test_a_lying_header_is_refused(tmp_path, change):
     path = tmp_path / "v.rle"
-    save_encoded(path, stored((2,)))
+    write_encoded(stored((2,)), path)
     members = members_of(path)
     text = json.dumps({**json.loads(members[HEADER][8:]), **change})
     zipped(path, {**members, HEADER: f"{zlib.crc32(text.encode()):08x}{text}"})
@@ -189,7 +189,7 @@ def test_a_lying_header_is_refused(tmp_path, change):
 
 def test_lying_members_are_refused(tmp_path):
     path = tmp_path / "v.rle"
-    save_encoded(path, stored((2,)))
+    write_encoded(stored((2,)), path)
     members, numbers = members_of(path), itertools.count()
     for name, content in members.items():
         for lie in (None, b"", content[:-4], content + b"more", bytes(len(content))):

@@ -135,7 +135,7 @@ def _measure_steps(quality: Quality):
     plans, drawn, taken = pilots(plain), {}, {}
     for _ in range(size.repeats + 1):  # the first also fills the caches
         for name, plan in plans.items():
-            drawn[name] = yield from map_steps(render_steps(scene, plan, cache), _say)
+            drawn[name] = yield from map_steps(render_steps(scene, plan, cache=cache), _say)
             taken.setdefault(name, []).append(drawn[name].report["stages_ms"])
     features = features_of(scene, plain, drawn)
     ratios = {"splat": [], "warp": []}

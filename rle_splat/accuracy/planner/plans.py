@@ -2,7 +2,7 @@
 
 from dataclasses import asdict, replace
 
-from ...scene import CLASSIFICATIONS, QUALITY_PRESETS, Quality, RleSplatError
+from ...scene import CLASSIFICATIONS, QUALITY_PRESETS, Classification, Quality, RleSplatError
 
 MACHINE = ("threads", "name", "held")  # fields in which two equal plans may differ
 # Depth rules and sheet densities of plans between the qualities; a classification leaves out those that it lacks.
@@ -50,7 +50,7 @@ def possible(base: Quality, **fields) -> Quality | None:
         return None
 
 
-def _qualities(base: Quality, classification: str) -> list[Quality]:
+def _qualities(base: Quality, classification: Classification) -> list[Quality]:
     """The quality presets of a classification; the last one is the most accurate."""
     fields = dict(threads=base.threads)
     if classification != "post":  # which stores the volume's own values

@@ -135,7 +135,7 @@ def picture_steps(
         fraction = begin + (end - begin) * step.fraction
         return Progress(fraction, step.message if "kernels" in step.message else message)
 
-    return map_steps(render_steps(scene, plan, cache, refuse_empty_view=refuse_empty_view), show_step)
+    return map_steps(render_steps(scene, plan, cache=cache, refuse_empty_view=refuse_empty_view), show_step)
 
 
 def session_steps(scene: Scene, quality: Quality, cache: StageCache, end: float, refuse_empty_view: bool = True):

@@ -6,6 +6,7 @@ estimate.  The truth is T1 for the classification ``pre`` and T2 for ``post``.
 """
 
 import time
+from collections.abc import Callable, Generator
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +17,7 @@ from ...pipeline.plan_model import default_classification
 from ...pipeline.shadows import SHADOW_EFFECTS, shadow_count, without_shadows
 from ...pipeline.stage_cache import StageCache
 from ...runtime.steps import Clock, Progress, drain, forward
-from ...scene import Quality, Rendering, Scene, as_quality, truth_of
+from ...scene import Quality, QualityName, Rendering, Scene, as_quality, truth_of
 from ...view.eye import index_view
 from ..probes import PROBES
 from .candidates import KEPT_KNOBS, candidate, check_tolerance, name_of
@@ -44,8 +45,9 @@ PILOTS_END = 0.2  # the fraction of the work after which the pilots end
 
 
 def render_within(
-    scene: Scene, tolerance: float, quality: Quality | None = None, progress=None, cache: StageCache | None = None, *,
-    probes: int = PROBES, seed: int = 0, leave_out_shadows: bool = False,
+    scene: Scene, tolerance: float, quality: Quality | QualityName | None = None,
+    progress: Callable[[Progress], object] | None = None, *, cache: StageCache | None = None, probes: int = PROBES,
+    seed: int = 0, leave_out_shadows: bool = False,
 ) -> Rendering:  # fmt: skip
     """Render a scene in the least time in which its largest error is expected to stay within ``tolerance``.
 
@@ -55,14 +57,18 @@ def render_within(
     Parameters
     ----------
     scene : Scene
+        What the picture depends on.
     tolerance : float
         The largest error allowed of any channel of scene-linear, premultiplied RGBA, in 8-bit steps of 1/255.
-    quality : Quality, optional
+    quality : Quality or str, optional
         What the tolerance does not decide, such as the classification, the record and the threads.
-    progress, cache : optional
-        As ``render`` takes them.
+    progress : callable, optional
+        As ``render`` takes it.
+    cache : StageCache, optional
+        As ``render`` takes it.
     probes : int
-        Sample pixels at which the picture is measured, random or steep; 0 for a prediction alone.
+        Sample pixels at which the picture is measured, random or steep; 0 for a prediction alone. Each picture that is
+        tried is also measured where its largest errors are likely, at up to half as many more.
     seed : int
         Seed of the random sample pixels.
     leave_out_shadows : bool
@@ -81,32 +87,34 @@ def render_within(
     RleSplatError
         For a tolerance that is no number above zero, and for scenes and qualities that have no reference.
     """
-    knobs = dict(probes=probes, seed=seed, leave_out_shadows=leave_out_shadows)
-    return drain(tolerance_steps(scene, tolerance, quality, cache, **knobs), progress)
+    steps = render_within_steps(
+        scene, tolerance, quality, cache=cache, probes=probes, seed=seed, leave_out_shadows=leave_out_shadows
+    )
+    return drain(steps, progress)
 
 
-def tolerance_steps(
-    scene: Scene, tolerance: float, quality: Quality | None = None, cache: StageCache | None = None, *,
+def render_within_steps(
+    scene: Scene, tolerance: float, quality: Quality | QualityName | None = None, *, cache: StageCache | None = None,
     refuse_empty_view: bool = True, probes: int = PROBES, seed: int = 0, leave_out_shadows: bool = False,
     earlier: dict | None = None,
-):  # fmt: skip
+) -> Generator[Progress, None, Rendering]:  # fmt: skip
     """Generator form of ``render_within``: yields Progress, returns the Rendering.
 
     ``earlier``: the ``plan`` of the report of the frame before, in an animation.  It is used as long as it is expected
     to meet the tolerance, so plans change from frame to frame only to finer ones.
     """
     quality = as_quality(quality or Quality(classification=default_classification()))
-    return forward(_tolerance_steps(
+    return forward(_render_within_steps(
         scene, tolerance, quality, StageCache() if cache is None else cache, refuse_empty_view, probes, seed,
         leave_out_shadows, earlier,
     ))  # fmt: skip
 
 
-def _tolerance_steps(
+def _render_within_steps(
     scene: Scene, tolerance: float, quality: Quality, cache: StageCache, refuse_empty_view: bool, probes: int,
     seed: int, leave_out_shadows: bool, earlier: dict | None,
 ):  # fmt: skip
-    """``tolerance_steps``, whose fractions may fall."""
+    """``render_within_steps``, whose fractions may fall."""
     began = time.perf_counter()
     tolerance = check_tolerance(tolerance)
     left_out = []
@@ -166,7 +174,7 @@ def without_shadows_of(scene: Scene, quality: Quality) -> tuple[Scene, list[str]
 
 
 def _first_choice(session: PlannerSession, tolerance: float, earlier: dict | None) -> Choice:
-    """The plan to begin with; ``earlier``: see ``tolerance_steps``."""
+    """The plan to begin with; ``earlier``: see ``render_within_steps``."""
     if earlier is not None and earlier["classification"] == session.quality.classification:
         plan = candidate(session.quality, **{knob: earlier[knob] for knob in KEPT_KNOBS})
         kept = session.choose(tolerance, only=plan)

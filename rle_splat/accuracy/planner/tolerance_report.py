@@ -90,7 +90,7 @@ def with_report(
     gave_up : bool
         Whether further rounds were allowed no more.
     earlier : dict, optional
-        The plan of the frame before (see ``tolerance.tolerance_steps``).
+        The plan of the frame before (see ``tolerance.render_within_steps``).
     margin : float
         How many times as much other pixels may err as the probes.
     """

@@ -88,7 +88,7 @@ def test_frames_are_tasks_and_whole_ones_are_kept(render, address, tmp_path):
 def test_a_wrong_scene_is_the_sentence_of_one_machine(refused, raw, raw_options, address, tmp_path, write_json):
     matrix = np.eye(4)
     matrix[0, 3] = 1e4
-    camera = write_json({"matrix_world": matrix.tolist(), "type": "ORTHO"})
+    camera = write_json({"matrix_world": matrix.tolist(), "type": "ORTHO", "ortho_scale": 6.0})
     words = raw, *raw_options, "--camera", camera, "--size", "64", "-o", tmp_path / "a.npy"
     assert "does not see the volume" in refused("render", *words, "--dask", address)
     assert not list(tmp_path.glob("*.npy")) and not list(tmp_path.glob(".*"))
