@@ -3,9 +3,9 @@
 Renders combine our picture with that of the engine, which knows nothing of the volume.  So a child of the volume object
 holds a coarse grid of its medium: rays from meshes to lights are absorbed in it, and mirrors see its lit color.
 
-EEVEE casts no shadows of grids, and Cycles none on a point inside a grid that its camera does not see.  For them a child
-of the grid is the surface at which a voxel of the grid lets half of the light through, moved inward, so that it does
-not shade what lies on the volume.
+EEVEE casts no shadows of grids, and Cycles none on a point inside a grid that its camera does not see.  For them a
+child of the grid is the surface at which a voxel of the grid lets half of the light through, moved inward, so that it
+does not shade what lies on the volume.
 
 Both objects are there as long as renders include the volume.  What they show is set before each rendered frame, on the
 render thread, and is a file or nothing; see ``over_render.py`` for what may be done there.  They are disabled in
