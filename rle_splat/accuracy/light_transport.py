@@ -65,8 +65,8 @@ class Tracer:
         Meshes block it from ``own`` (N, 3) on; by default from the positions themselves.
 
         A light that is not a point is the mean over POINTS of its disk: a sun's angle, a lamp's sphere as seen from
-        the middle of the volume, or the points of an area.  The renderer has the same where it traces light, else up
-        to 8 (``shade.light_samples``).
+        the middle of the volume, or the points of an area.  The renderer has the same for large lights and where it
+        traces light, else up to 8 (``shade.light_samples``).
         """
         return np.exp(-self._depths_towards(light, index, own, OPAQUE)).mean(axis=0)
 

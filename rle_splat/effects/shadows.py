@@ -192,7 +192,7 @@ def light_passes(light, occluders: Occluders, *, nodes: bool, sharp: bool = Fals
     nodes : bool
         Whether nodes of a grid are lit, in place of voxels.
     sharp : bool
-        Whether a light with a size is one sample, its middle.
+        As of ``light_samples``.
 
     Returns
     -------
@@ -200,9 +200,7 @@ def light_passes(light, occluders: Occluders, *, nodes: bool, sharp: bool = Fals
         The sweeps of each sample.
     weights : (samples,) ndarray of float64
     """
-    samples = light_samples(light, occluders.corners, occluders.voxel)
-    if sharp:
-        samples = samples.mean(axis=0, keepdims=True)
+    samples = light_samples(light, occluders.corners, occluders.voxel, sharp)
     grid = occluders.matrix, occluders.voxels.shape_xyz, occluders.boxed
     if light.type == "SUN":
         passes = [sun_sweeps(sample, *grid) for sample in samples]

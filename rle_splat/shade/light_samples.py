@@ -1,8 +1,8 @@
 """Samples of lights that have a size. They are the same every time.
 
 With k samples, the edge of a shadow is a stair of k steps, each at most 1 / k of the light and as wide as the penumbra
-over k. Footprints are two voxels wide, so steps of that width look like a slope. So many samples are taken, up to
-MOST_SAMPLES.
+over k. Footprints are two voxels wide, so steps of that width look like a slope. So many samples are taken, and those
+of the model of light where more than FEW would be: in a hollow, the steps of fewer show as polygons.
 """
 
 from __future__ import annotations
@@ -12,14 +12,13 @@ import math
 import numpy as np
 
 STEP = 2.0  # voxels of penumbra per sample
-MOST_SAMPLES = 8  # sixteen look the same on a head under a sun 23 degrees wide
-FIXED = 16
+FEW, FIXED = 8, 16
 GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
 PLASTIC = np.array((0.7548776662466927, 0.5698402909980532))  # steps that fill a square evenly (the plastic number)
 HALF_SKY = 12  # directions of the sky above a plane
 
 
-def light_samples(light, box: np.ndarray, voxel: float) -> np.ndarray:
+def light_samples(light, box: np.ndarray, voxel: float, sharp: bool = False) -> np.ndarray:
     """Sample a light.
 
     Parameters
@@ -29,34 +28,32 @@ def light_samples(light, box: np.ndarray, voxel: float) -> np.ndarray:
         Corners of the volume, world.
     voxel : float
         World length of a voxel.
+    sharp : bool
+        Whether a light with a size is one sample, its middle.
 
     Returns
     -------
     (k, 3) ndarray of float64
         World. For a SUN the directions in which it shines; for other lights the positions from which they shine.
     """
+    count = 1 if sharp else _count(light, box, voxel)
+    if count > FEW:
+        return fixed_samples(light, box)
     matrix = light.matrix_world
     center = box.mean(axis=0)
     if light.type == "SUN":
         along = -_unit(matrix[:3, 2])
-        radius = math.tan(0.5 * min(light.angle, math.pi / 2))
-        width = 2.0 * radius * np.linalg.norm(box - center, axis=1).max() * 2.0 / voxel
         across, up = _perpendicular(along)
-        points = _on_disc(_count(width)) * radius
+        points = _on_disc(count) * math.tan(0.5 * min(light.angle, math.pi / 2))
         return along + points[:, :1] * across + points[:, 1:] * up
     position = matrix[:3, 3]
     if light.type == "AREA":
-        across, up = matrix[:3, 0] * light.size, matrix[:3, 1] * light.size
-        if light.shape in ("RECTANGLE", "ELLIPSE"):
-            up = matrix[:3, 1] * light.size_y
-        size = float(np.hypot(np.linalg.norm(across), np.linalg.norm(up)))
-        count = _count(_penumbra(size, position, box, voxel))
+        across, up = _sides(light)
         spread = 0.5 * _on_disc(count) if light.shape in ("DISK", "ELLIPSE") else _on_square(count)
     else:
         towards = center - position
         across, up = _perpendicular(_unit(towards) if towards.any() else np.array((0.0, 0.0, 1.0)))
-        size = 2.0 * light.radius
-        spread = 0.5 * size * _on_disc(_count(_penumbra(size, position, box, voxel)))
+        spread = light.radius * _on_disc(count)
     return position + spread[:, :1] * across + spread[:, 1:] * up
 
 
@@ -67,12 +64,12 @@ def fixed_samples(light, box: np.ndarray) -> np.ndarray:
     """
     matrix, center = light.matrix_world, box.mean(axis=0)
     if light.type == "AREA":
-        tall = light.size_y if light.shape in ("RECTANGLE", "ELLIPSE") else light.size
+        across, up = _sides(light)
         if light.shape in ("DISK", "ELLIPSE"):
             spread = 0.5 * _spiral(FIXED)
         else:
             spread = (np.indices((4, 4)).reshape(2, FIXED).T + 0.5) / 4.0 - 0.5
-        return matrix[:3, 3] + spread[:, :1] * light.size * matrix[:3, 0] + spread[:, 1:] * tall * matrix[:3, 1]
+        return matrix[:3, 3] + spread[:, :1] * across + spread[:, 1:] * up
     is_sun = light.type == "SUN"
     towards = matrix[:3, 2] if is_sun else center - matrix[:3, 3]
     towards = _unit(towards) if towards.any() else np.array((0.0, 0.0, 1.0))
@@ -98,17 +95,23 @@ def sky_directions() -> np.ndarray:
     return np.concatenate((half, -half))
 
 
-def _penumbra(size: float, position, box, voxel: float) -> float:
-    """Widest penumbra in the box, in voxels: that of the nearest point on the furthest."""
+def _sides(light) -> tuple[np.ndarray, np.ndarray]:
+    """The sides of an area light, world."""
+    tall = light.size_y if light.shape in ("RECTANGLE", "ELLIPSE") else light.size
+    return light.matrix_world[:3, 0] * light.size, light.matrix_world[:3, 1] * tall
+
+
+def _count(light, box: np.ndarray, voxel: float) -> int:
+    """Samples for the widest penumbra in the box; one if it is narrower than a voxel."""
     center, radius = box.mean(axis=0), np.linalg.norm(box - box.mean(axis=0), axis=1).max()
-    away = np.linalg.norm(position - center)
-    nearest = max(away - radius, voxel)
-    return size / voxel * (away + radius - nearest) / nearest
-
-
-def _count(width: float) -> int:
-    """Samples for a penumbra at most ``width`` voxels wide; one if it is narrower than a voxel."""
-    return 1 if width <= 1.0 else int(min(math.ceil(width / STEP) + 1, MOST_SAMPLES))
+    if light.type == "SUN":
+        width = 4.0 * math.tan(0.5 * min(light.angle, math.pi / 2)) * radius / voxel
+    else:  # that of the nearest point on the furthest
+        size = np.linalg.norm(_sides(light)) if light.type == "AREA" else 2.0 * light.radius
+        away = np.linalg.norm(light.matrix_world[:3, 3] - center)
+        nearest = max(away - radius, voxel)
+        width = size / voxel * (away + radius - nearest) / nearest
+    return 1 if width <= 1.0 else math.ceil(min(width / STEP, FIXED)) + 1
 
 
 def _on_disc(count: int) -> np.ndarray:

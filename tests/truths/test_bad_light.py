@@ -89,7 +89,7 @@ def test_a_lamp_in_the_middle_has_samples():
     box = np.indices((2, 2, 2)).reshape(3, 8).T - 0.5
     with np.errstate(all="raise"):
         found = light_samples(Light("POINT", radius=0.1, energy=1.0), box, 0.01)
-    assert len(found) == 8 and np.linalg.norm(found, axis=1).max() < 0.2
+    assert len(found) == 16 and np.linalg.norm(found, axis=1).max() < 0.2
 
 
 @BOTH

@@ -15,7 +15,7 @@ from rle_splat.pipeline.shadow_pass import shadow_pass_steps
 from rle_splat.pipeline.stage_cache import StageCache
 from rle_splat.runtime.steps import Clock, drain
 from rle_splat.scene import NO_RAYS, Clip, Light, Quality, RleSplatError, Scene
-from rle_splat.shade.light_samples import light_samples, sky_directions
+from rle_splat.shade.light_samples import fixed_samples, light_samples, sky_directions
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.volume import Volume
 from tests.lamps import point, pose, sun
@@ -297,12 +297,14 @@ def test_a_penumbra_is_as_wide_as_the_light_and_the_distance_say(light, width):
 
 def test_a_light_takes_as_many_samples_as_its_penumbra_asks_for():
     box = np.indices((2, 2, 2)).reshape(3, 8).T * 100.0
-    assert [len(light_samples(sun((0, 0, -1), angle=a), box, 1.0)) for a in (0.0, 0.005, 0.05, 1.0)] == [1, 1, 6, 8]
+    assert [len(light_samples(sun((0, 0, -1), angle=a), box, 1.0)) for a in (0.0, 0.005, 0.05, 1.0)] == [1, 1, 6, 16]
     assert [len(light_samples(point((50, 50, 400), radius=r), box, 1.0)) for r in (0.5, 1.0)] == [1, 2]
-    for light in (sun((1, 2, -1), angle=0.3), point((50, 50, 400), radius=20.0)):
-        middle = light_samples(light, box, 1.0).mean(axis=0)
+    for light in (sun((1, 2, -1), angle=0.07), point((50, 50, 400), radius=6.0)):
         true = -light.matrix_world[:3, 2] if light.type == "SUN" else light.matrix_world[:3, 3]
-        np.testing.assert_allclose(middle, true, atol=1e-9)
+        for samples in (light_samples(light, box, 1.0), light_samples(light, box, 0.1, sharp=True)):
+            assert len(samples) in (1, 5, 8)
+            np.testing.assert_allclose(samples.mean(axis=0), true, atol=1e-9)
+        assert np.array_equal(light_samples(light, box, 0.1), fixed_samples(light, box)), "those of the model"
 
 
 # --- the sky --------------------------------------------------------------------------------------------------------
