@@ -34,7 +34,10 @@ QUALITY_PRESETS: dict[QualityName, dict[Classification, tuple]] = {
         "pre": ("simpson", 1.0, "cubic", 1 / 1024, NO_RAYS),
         "post": ("preintegrated", 1.0, "cubic", 1 / 1024, NO_RAYS),
     },
-    "fine": {"pre": ("simpson", 1.5, "cubic", 1 / 2048, NO_RAYS), "post": ("gauss2", 1.25, "cubic", 1 / 2048, 0.6)},
+    "fine": {
+        "pre": ("simpson", 1.5, "cubic", 1 / 2048, NO_RAYS),
+        "post": ("midpoint-3", 1.25, "cubic", 1 / 2048, 0.6),
+    },
     "strict": {
         "pre": ("midpoint-4", 3.0, "cubic", 1 / 8192, NO_RAYS),
         "post": ("midpoint-4", 2.0, "cubic", 1 / 8192, 0.45),
