@@ -162,7 +162,7 @@ def skull(stage: Stage):
     toward = (0.8, -1.95, 0.85)
     stage.camera(toward, lens=66.0, aim=(0.03, -0.08, -0.085))
     stage.sweep(toward, stage.foot - 5.0 * MM / stage.size, (0.06, 0.066, 0.078))
-    stage.lamp("Key", "SUN", 3.0, (-0.9, -1.0, 1.5), WARM, angle=math.radians(5.0))
+    stage.lamp("Key", "SUN", 2.5, (-0.9, -1.0, 1.5), WARM, angle=math.radians(5.0))
     stage.area("Rim", 45.0, (1.7, 1.1, 0.9), COLD, use_shadow=True)
     stage.area("Fill", 18.0, (0.9, -1.7, 1.5), WARM)  # for relief in the shade
     softbox_world(
