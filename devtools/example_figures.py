@@ -40,7 +40,7 @@ TURNED = "--azimuth", "35", "--elevation", "20"
 LIT = "--shadows", "--world", "0.15", "0.15", "0.18", "--ambient-occlusion", "1", "--lights"
 CLOSE = ("--azimuth", "30", "--elevation", "20", "--fit", "0.42", "--size", "400")
 STEPS = (  # of the strip, after the slices: pictures of the documentation, and the part of each
-    ("tutorial-3-preset", (230, 310, 790, 730)), ("tutorial-4-cut", (60, 162, 920, 807)),
+    ("tutorial-3-preset", (230, 310, 790, 730)), ("tutorial-7-rendered", (240, 167, 1040, 766)),
     ("gallery-skull", (0, 0, 1600, 1200)),
 )  # fmt: skip
 STEP, GAP = (560, 420), 4  # pixels of a picture of the strip, and between two
