@@ -65,10 +65,9 @@ def _draw_scene(scene, layout) -> None:
     row = column.row()
     row.active = has_shadows
     row.prop(settings, "use_shadows")
-    row = column.split(factor=0.6)
+    row = column.row()
     row.use_property_split = False  # the longer name would be cut off
-    row.label(text="Shadows on Meshes")
-    row.prop(settings.effect_overrides, effects.property_of(effects.SHADOWS_ON_MESHES), text="")
+    row.prop(settings.effect_overrides, effects.property_of(effects.SHADOWS_ON_MESHES), text="Shadows on Meshes")
     for name in ("use_world", "use_mist"):
         column.prop(settings, name)
     column = layout.column(align=True)
