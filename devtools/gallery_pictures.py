@@ -15,7 +15,6 @@ from PIL import Image, ImageDraw, ImageFont
 
 MOST_BYTES = 450_000  # of a JPEG
 AFTER = "-after"  # ends the name of the second of a pair
-LIT_BY = {"before": "headlight", "after": "recipe"}
 TITLE = 28  # pixels above each
 EDGE, CENTER = (17, 19, 23), (66, 74, 86)  # colors of the backdrop
 
@@ -41,8 +40,8 @@ def save_jpeg(picture: Image.Image, path: Path, most: int = MOST_BYTES) -> int:
 
 
 def in_pairs(pictures: dict[str, Image.Image]) -> Image.Image:
-    """Four pictures in a row, half as large, each with its name above it; without pairs a plus says that it adds to
-    those before."""
+    """Four pictures in a row, half as large, each with its name above it, the first of a pair with that of its light.
+    Without pairs, a plus says that one adds to those before."""
     paired, across = any(name.endswith(AFTER) for name in pictures), 4
     width, height = (round(0.5 * side) for side in next(iter(pictures.values())).size)
     sheet = Image.new("RGB", (across * width, (height + TITLE) * -(-len(pictures) // across)), "white")
@@ -51,8 +50,7 @@ def in_pairs(pictures: dict[str, Image.Image]) -> Image.Image:
         left, top = width * (number % across), (height + TITLE) * (number // across)
         sheet.paste(picture.resize((width, height), Image.Resampling.LANCZOS), (left, top + TITLE))
         of, _, when = name.partition("-")
-        lit = f": {LIT_BY[when]}" if when else ""
-        title = ("" if paired or number < 2 else "+ ") + of.title() + lit
+        title = ("" if paired or number < 2 else "+ ") + ("Headlight" if when == "before" else of.title())
         pen.text((left + 2, top + 3), title, fill="black", font=font)
     return sheet
 

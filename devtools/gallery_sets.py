@@ -32,18 +32,18 @@ MM = 0.001
 PLATE = -112.0  # the height of the slice above the middle of the scan
 # Names, the place of each in mm from the middle of the scan, and that of its text in the picture, in widths.
 NAMES = (
-    ("Right brachiocephalic vein", (-46.0, -21.0, 93.0), (-0.238, 0.27)),
-    ("Brachiocephalic trunk", (-26.0, -19.0, 88.0), (-0.238, 0.21)),
-    ("Ascending aorta", (-12.0, -28.0, 52.0), (-0.238, 0.145)),
-    ("Pulmonary trunk", (22.0, -22.0, 45.0), (-0.238, 0.08)),
-    ("Right ventricle", (10.0, -60.0, -33.0), (-0.238, -0.04)),
-    ("Stent graft", (14.0, 17.0, 82.0), (0.257, 0.255)),
-    ("False lumen", (18.0, 58.0, 40.0), (0.257, 0.195)),
-    ("Left pulmonary artery", (29.0, 26.0, 43.0), (0.257, 0.125)),
-    ("Left atrial appendage", (31.0, -8.0, 26.0), (0.257, 0.055)),
-    ("Inferior pulmonary vein", (34.0, 31.0, -7.0), (0.257, -0.005)),
-    ("Left ventricle", (58.0, -35.0, -33.0), (0.257, -0.075)),
-    ("Splenic artery", (41.0, 10.0, -103.0), (0.257, -0.15)),
+    ("Right brachiocephalic\nvein", (-46.0, -21.0, 93.0), (-0.232, 0.27)),
+    ("Brachiocephalic trunk", (-26.0, -19.0, 88.0), (-0.232, 0.21)),
+    ("Ascending aorta", (-12.0, -28.0, 52.0), (-0.232, 0.145)),
+    ("Pulmonary trunk", (22.0, -22.0, 45.0), (-0.232, 0.08)),
+    ("Right ventricle", (10.0, -60.0, -33.0), (-0.232, -0.04)),
+    ("Stent graft", (14.0, 17.0, 82.0), (0.25, 0.255)),
+    ("False lumen", (18.0, 58.0, 40.0), (0.25, 0.195)),
+    ("Left pulmonary artery", (29.0, 26.0, 43.0), (0.25, 0.125)),
+    ("Left atrial appendage", (31.0, -8.0, 26.0), (0.25, 0.055)),
+    ("Left inferior\npulmonary vein", (34.0, 31.0, -7.0), (0.25, -0.005)),
+    ("Left ventricle", (58.0, -35.0, -33.0), (0.25, -0.075)),
+    ("Splenic artery", (41.0, 10.0, -103.0), (0.25, -0.15)),
 )
 IN_WIRE, IN_RIGHT, IN_LEFT, IN_BONE = (40, 9, 94), (70, 32, 94), (83, 52, 60), (42, 121, 59)  # voxels of clicks
 RIGHT, LEFT, FALSE, BONES, STENT = "Right Heart", "Left Heart", "False Lumen", "Bones", "Stent"
@@ -52,7 +52,7 @@ COLORS = {
     LEFT: (0.6, 0.07, 0.045),
     FALSE: (0.23, 0.04, 0.16),
     BONES: (0.72, 0.62, 0.46),
-    STENT: (0.42, 0.45, 0.48),
+    STENT: (0.5, 0.53, 0.56),
 }
 # Tools that smooth each segment, with lengths in mm: thin parts are lost, and so are notches.
 SMOOTHING = (
@@ -62,10 +62,11 @@ SMOOTHING = (
     (FALSE, (("GROW", 1.6), ("LARGEST", 0.0))),
 )
 # Corners of boxes that are cut off, in mm from the middle: what is above the aorta and, before it, where vessels meet
-# veins that are as dense; the right clavicle, and the ribs before the aorta.
+# veins that are as dense; thin parts of the uppermost bones; the right clavicle, and the ribs before the aorta.
 CUTS = (
     ((-100.0, -100.0, 108.0), (100.0, 100.0, 140.0)),
     ((-100.0, -100.0, 99.0), (100.0, 2.0, 140.0)),
+    ((-100.0, 66.0, 101.0), (100.0, 100.0, 140.0)),
     ((-100.0, -100.0, 86.0), (-30.0, -22.0, 140.0)),
     ((70.0, -100.0, 50.0), (100.0, 40.0, 140.0)),
 )
@@ -112,7 +113,7 @@ def _name(stage: Stage, camera, body: str, place, at: tuple[float, float], coat,
     begin = Vector((at[0] * width, at[1] * width, -depth))
     side = -1.0 if at[0] < 0.0 else 1.0
     text = camera.matrix_world @ Matrix.Translation(begin + Vector((side * 0.008 * width, 0.0, 0.0)))
-    letters(body, text, 0.0235 * width, coat, "RIGHT" if side < 0.0 else "LEFT")
+    letters(body, text, 0.0228 * width, coat, "RIGHT" if side < 0.0 else "LEFT")
     into = camera.matrix_world.inverted() @ (stage.middle + MM * Vector(place))
     end = camera.matrix_world @ (into * (depth / -into.z))
     begin = camera.matrix_world @ begin
@@ -176,7 +177,7 @@ def heart(stage: Stage):
     _show(ours, LEFT)
     bpy.ops.rle_splat.threshold_segment(low=800.0, high=ours.value_high)
     ours.labels[ours.active_label].label_name = STENT
-    _change(ours, STENT, "GROW", 0.9)
+    _change(ours, STENT, "GROW", 1.6)
     _show(ours, *COLORS)
     for row in ours.labels:
         if row.show:

@@ -9,7 +9,7 @@ from mathutils import Matrix, Quaternion, Vector
 from ..bridge import linked
 from ..bridge.data.settings import scene_scale_of
 from ..bridge.scene import viewports
-from ..bridge.scene.light_recipes import RECIPES, SMOOTHEST, SPOT
+from ..bridge.scene.light_recipes import RECIPES, SMOOTHEST
 from ..bridge.translations import filled
 from ..bridge.volumes import box, volumes
 from ..rle_splat.scene import MODES, RleSplatError
@@ -115,11 +115,7 @@ def _light_data(light, side: float):
     if light.type == "SUN":
         data.energy, data.angle = light.power, light.size
         return data
-    data.energy = light.power * side**2
-    if light.type == "AREA":
-        data.size = light.size * side
-    else:
-        data.shadow_soft_size, data.spot_size = light.size * side, SPOT
+    data.energy, data.size = light.power * side**2, light.size * side
     return data
 
 

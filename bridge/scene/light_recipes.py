@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 
 PALE, WARM, ORANGE = (1.0, 0.93, 0.84), (1.0, 0.8, 0.6), (1.0, 0.45, 0.12)
 COOL, COLD, BLUE = (0.85, 0.92, 1.0), (0.62, 0.78, 1.0), (0.3, 0.55, 1.0)
-SPOT = 0.9  # radians, the angle of a spot light
 SUN = 0.05  # radians, about 3 degrees: the edges of shadows are a little soft
 
 
@@ -20,7 +19,7 @@ class RecipeLight:
     Parameters
     ----------
     name : str
-    type : {"SUN", "AREA", "SPOT"}
+    type : {"SUN", "AREA"}
     power : float
         W/m^2 for a sun, else W for a volume whose longest side is one world unit.
     place : (3,) tuple of float
@@ -28,7 +27,7 @@ class RecipeLight:
     color : (3,) tuple of float
         Scene-linear.
     size : float
-        Side of an area light, or radius of a spot light; radians for a sun.
+        Side of an area light; radians for a sun.
     casts_shadow : bool
     """
 
@@ -89,8 +88,8 @@ RECIPES = {
     ),
     "SKIN": Recipe(
         (
-            RecipeLight("Rim", "SPOT", 180.0, (1.72, 0.46, 0.41), WARM, size=0.2),
-            RecipeLight("Key", "SPOT", 170.0, (-1.57, -1.23, 0.44), COOL, size=0.3),
+            RecipeLight("Rim", "AREA", 60.0, (1.8, 0.8, 0.5), WARM, size=0.6),
+            RecipeLight("Key", "AREA", 42.0, (-1.2, -1.5, 0.7), COOL),
         ),
         _settings(indirect_light=0.5),
         {"smoothness": 3.5, "specular": 0.0},

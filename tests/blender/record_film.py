@@ -25,7 +25,7 @@ FRONT, BACK = -0.11, 0.005  # meters from the middle
 SHIFT, GROW, OPAQUE, SMOOTH = -100.0, 2.0, 0.05, 2.0  # HU, mm, mm, mm: thin walls are whole and opaque
 LEVEL, WINDOW = 400.0, 1200.0  # HU
 SAMPLES = 8  # of Cycles, which renders the faces of the cut and the world alone
-CENTISECONDS, REST, QUALITY, SIZE = 8, 60, 84, "560x420"
+CENTISECONDS, REST, QUALITY, SIZE = 8, 60, 84, "720x540"
 
 
 def skull():

@@ -17,7 +17,7 @@ LIGHTS = {
     "THREE": {"Key": "AREA", "Fill": "AREA", "Rim": "AREA"},
     "BONE": {"Sun": "SUN", "Rim": "AREA"},
     "SOFT": {"Key": "AREA", "Fill": "AREA"},
-    "SKIN": {"Rim": "SPOT", "Key": "SPOT"},
+    "SKIN": {"Rim": "AREA", "Key": "AREA"},
     "SMOKE": {"Warm Sun": "SUN", "Cold Sun": "SUN"},
     "SPECIMEN": {"Sun": "SUN", "Rim": "AREA"},
 }
@@ -96,8 +96,8 @@ def test_sizes_and_watts_grow_with_the_volume_and_suns_stay(owner, factor):
     key, fill = lights["Key"].data, lights["Fill"].data
     assert (key.energy, key.size, key.use_shadow) == (pytest.approx(60.0 * side**2), pytest.approx(side), True)
     assert (fill.energy, fill.size, fill.use_shadow) == (pytest.approx(6.0 * side**2), pytest.approx(2 * side), False)
-    spot = add("SKIN")["Rim"].data
-    assert (spot.energy, spot.shadow_soft_size) == (pytest.approx(180.0 * side**2), pytest.approx(0.2 * side))
+    rim = add("SKIN")["Rim"].data
+    assert (rim.energy, rim.size) == (pytest.approx(60.0 * side**2), pytest.approx(0.6 * side))
     sun = add("BONE")["Sun"].data
     assert (sun.energy, sun.angle) == (pytest.approx(4.2), pytest.approx(0.05))
 
