@@ -49,7 +49,7 @@ def choose_plan(source: Source, cache: StageCache) -> Source:
         why = FIRST_FRAMES if quality.held else BY_PRE if quality.is_preset else AS_GIVEN
         return replace(source, plan={"why": why, "aim": None, "expected": None})
     aim, name = PRESET_AIMS[quality.name], {"strict": "Very fine (strict)"}.get(quality.name, quality.name.capitalize())
-    said = f"{name} aims at an error of at most {aim:g}/255 {OF_999}"
+    said = f"{name} aims at an error of at most {aim:g} 8-bit steps {OF_999}"
     own = tuple(getattr(quality, knob) for knob in PRESET_KNOBS)
     is_known = any(one.knobs == own for one in preset_plans())
     why_not = _explain_no_choice(source.scene) if is_known else "its settings are the same for all scenes"
@@ -62,12 +62,12 @@ def choose_plan(source: Source, cache: StageCache) -> Source:
     usual, chosen = choose(own, aim, rough, can_trace(source))
     expected = chosen.error(rough)
     if chosen.knobs == own:
-        why = f"{said}; {figure_text(expected)}/255 is expected."
+        why = f"{said}; {figure_text(expected)} is expected."
     else:
         why = (
-            f"{said}; {figure_text(expected)}/255 is expected. Edges are sharp here ({figure_text(rough)}/255 within "
+            f"{said}; {figure_text(expected)} is expected. Edges are sharp here ({figure_text(rough)} within "
             f"half a voxel), so the settings are {chosen.describe()}. The usual settings would "
-            f"give about {figure_text(usual.error(rough))}/255."
+            f"give about {figure_text(usual.error(rough))}."
         )
     if expected > EXPECTED_SHARE * aim:
         why += " No settings are expected to have less error."
