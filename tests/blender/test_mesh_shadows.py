@@ -230,6 +230,15 @@ def test_the_effect_says_why_it_is_on_or_off(cube, grid):
     bpy.data.objects["mesh"].hide_render = True
     assert reason() == (False, "no mesh can receive them")
     bpy.data.objects["mesh"].hide_render = False
+    tree = bpy.data.objects["mesh"].material_slots[0].material.node_tree
+    white, output = (
+        next(node for node in tree.nodes if node.type == kind) for kind in ("BSDF_DIFFUSE", "OUTPUT_MATERIAL")
+    )
+    tree.nodes.remove(white)
+    tree.links.new(tree.nodes.new("ShaderNodeEmission").outputs[0], output.inputs["Surface"])
+    assert reason() == (False, "no mesh can receive them"), "as that of a slice"
+    tree.links.new(tree.nodes.new("ShaderNodeBsdfDiffuse").outputs[0], output.inputs["Surface"])
+    assert reason() == (True, "cast by 1 sun")
     scene.rle_splat.mode = "mip"
     assert reason() == (False, "the mode shows no surfaces")
     scene.rle_splat.mode = "composite"
