@@ -29,7 +29,7 @@ class RLE_SPLAT_OT_keyframe_transfer(bpy.types.Operator):
     """Insert keyframes on the colors, the opacity curve, the window and the shading at the current frame"""
 
     bl_idname = "rle_splat.keyframe_transfer"
-    bl_label = "Keyframe Transfer Function"
+    bl_label = "Insert Keyframes"
     bl_options = {"REGISTER", "UNDO"}
 
     poll = classmethod(has_editable_transfer)

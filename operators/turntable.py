@@ -58,7 +58,7 @@ class RLE_SPLAT_OT_turntable(ExportHelper, bpy.types.Operator):
         name="File Path", description="The movie, or what the names of the pictures begin with", subtype="FILE_PATH",
         options={"SKIP_SAVE"})  # fmt: skip
     path: EnumProperty(
-        name="Path",
+        name="Camera Motion",
         description="How the camera moves",
         items=[
             (TURN, "Turn", "Turn about the volume; for a patient, about the axis from feet to head"),
@@ -72,8 +72,8 @@ class RLE_SPLAT_OT_turntable(ExportHelper, bpy.types.Operator):
         name="Angle", description="By how much the camera turns, in degrees; 360 or more repeats without a jump",
         default=360.0, soft_min=-360.0, soft_max=360.0)  # fmt: skip
     azimuth: FloatProperty(
-        name="Start", description="Direction of the first frame, in degrees; 0 is in front of a patient", default=0.0,
-        soft_min=-180.0, soft_max=180.0)  # fmt: skip
+        name="Start Angle", description="Direction of the first frame, in degrees; 0 is in front of a patient",
+        default=0.0, soft_min=-180.0, soft_max=180.0)  # fmt: skip
     elevation: FloatProperty(
         name="Elevation", description="Height of the camera above the volume's middle, in degrees", default=10.0,
         min=-89.0, max=89.0)  # fmt: skip

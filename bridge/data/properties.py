@@ -43,7 +43,8 @@ QUALITY_TEXTS = {
     "fine": ("Fine", "More accurate, for final pictures; up to twice the time of Standard"),
     "strict": (
         "Very Fine",
-        "The most accurate; 3 to 5 times the time of Standard, with shadows or ambient occlusion 50 times and more",
+        "The most accurate; 3 to 5 times the time of Standard, but with shadows or ambient occlusion, the first "
+        "picture after a change of light or opacity takes 50 times and more",
     ),
 }
 CLASSIFICATION_TEXTS = {
@@ -203,7 +204,8 @@ class SceneSettings(bpy.types.PropertyGroup):
     use_world: LiveBool(
         name="World Light",
         default=True,
-        description="Light the volume from all sides with the world: its color, its environment image or any nodes",
+        description="Light the volume from all sides with the world: its color, its environment image or any nodes. A "
+        "world of one color lights it only if the scene has a light",
     )
     world_light: StringProperty(
         name="Rendered World Light", description="Light of the world as it was last rendered", options={"HIDDEN"}
