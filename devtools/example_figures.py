@@ -43,6 +43,7 @@ STEPS = (  # of the strip, after the slices: pictures of the documentation, and 
     ("tutorial-3-preset", (230, 310, 790, 730)), ("tutorial-7-rendered", (240, 167, 1040, 766)),
     ("gallery-skull", (0, 0, 1600, 1200)),
 )  # fmt: skip
+FILM, FILM_SIZE = ROOT / "build" / "window-shots" / "record_film", (640, 480)
 STEP, GAP = (560, 420), 4  # pixels of a picture of the strip, and between two
 
 
@@ -154,6 +155,17 @@ def picture_and_depth(folder: Path) -> None:
     beside(folder, "how-to-python", shown, depth, opened)
 
 
+def opening(folder: Path) -> None:
+    """how-to-opening.webp: the frames of tests/blender/record_film.py, there and back with a rest at both ends."""
+    frames = [Image.open(path).convert("RGB") for path in sorted(FILM.glob("frame-*.png"))]
+    if not frames:
+        return
+    frames = [one.resize(FILM_SIZE, Image.Resampling.LANCZOS) for one in frames]
+    frames += frames[-1:] * 8 + frames[::-1] + frames[:1] * 4
+    frames[0].save(folder / "how-to-opening.webp", save_all=True, append_images=frames[1:], duration=MILLISECONDS,
+                   loop=0, quality=75, method=6)  # fmt: skip
+
+
 def python_of_the_readme() -> str:
     """The blocks of Python code in the README, which go on one after the other."""
     text = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -196,6 +208,7 @@ def from_parts(folder: Path) -> None:
     example_of_the_readme(folder)
     effects(folder)
     strip(folder)
+    opening(folder)
 
 
 def slices(series: Path) -> Image.Image:
