@@ -2,9 +2,9 @@
 
     python3 dev.py blender --photograph tests/blender/record_film.py --size 1280x800
 
-writes its frames into build/window-shots/record_film, of which devtools/example_figures.py makes how-to-opening.webp, and
-prints the seconds of a frame.  The scan is that of the tutorial, in tests/blender/data/scan.  The frames from 60 to 120 are
-those of the way there, so they are not rendered.
+writes its frames into build/window-shots/record_film, of which devtools/example_figures.py makes how-to-opening.webp,
+and prints the seconds of a frame.  The scan is that of the tutorial, in tests/blender/data/scan.  The frames from 60 to
+120 are those of the way there, so they are not rendered.
 """
 
 import os
