@@ -89,8 +89,8 @@ def command_lines(folder: Path) -> list[list[str]]:
     return [
         [*page, *views, "-o", str(folder / "figure-skull.svg"), "-o", str(folder / "figure-skull.png")],
         ["render", str(turned), "--frames", "1", str(TURN), "--turn", str(360 // TURN), "--elevation", "15", "--fit",
-         "1.15", "--size", str(PYTHON), "--headlight", "--world", "0.3", "0.3", "0.33", "--ambient-occlusion", "1",
-         "--quality", "fine", "-o", str(folder / "turn.png")],
+         "1.15", "--size", str(PYTHON), *LIT, _sun_of_the_tutorial(folder), "--quality", "fine", "-o",
+         str(folder / "turn.png")],
         *(["render", *skull, *CLOSE, "--quality", quality, "-o", str(folder / f"how-to-{quality}.png")]
           for quality in ("draft", "fine")),
         *(["render", str(turned), *FIRST, *more, "--size", "512", "-o", str(folder / f"{name}.png")]
