@@ -40,7 +40,7 @@ from .volume_properties import VolumeProperties
 QUALITY_TEXTS = {
     "draft": ("Draft", "Fast and coarse, for moving around"),
     "standard": ("Standard", "A balance of time and accuracy"),
-    "fine": ("Fine", "More accurate, for final pictures; up to twice the time of Standard"),
+    "fine": ("Fine", "More accurate, for final pictures; up to three times the time of Standard"),
     "strict": (
         "Very Fine",
         "The most accurate; 3 to 5 times the time of Standard, but with shadows or ambient occlusion, the first "
