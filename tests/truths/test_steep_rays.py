@@ -49,7 +49,7 @@ def without(quality):
 
 
 @pytest.mark.parametrize(
-    "name, slabs, perspective", (("standard", 4, False), ("fine", 4, True), ("strict", 8, False), ("strict", 8, True))
+    "name, slabs, perspective", (("standard", 4, False), ("fine", 6, True), ("strict", 8, False), ("strict", 8, True))
 )
 def test_steep_pixels_are_the_truth_and_others_as_they_were(stage, name, slabs, perspective):
     scene, quality = scene_of(stage, perspective), replace(Quality.preset(name), rays=STEEP)
