@@ -33,9 +33,13 @@ RECORD_ITEMS = [
 ]
 
 
-def items(names) -> list:
-    """Enum items of the values of a knob: identifier, label and tooltip of each."""
-    return [(name, *_texts(name)) for name in names]
+def items(names, later=()) -> list:
+    """Enum items of the values of a knob: identifier, label, tooltip and number of each.
+
+    ``later``: names that earlier versions lack.  Their numbers are the last, because .blend files store numbers.
+    """
+    numbers = {name: number for number, name in enumerate((*(one for one in names if one not in later), *later))}
+    return [(name, *_texts(name), numbers[name]) for name in names]
 
 
 def _texts(name: str) -> tuple[str, str]:

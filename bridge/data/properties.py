@@ -160,7 +160,7 @@ class SceneSettings(bpy.types.PropertyGroup):
         default=USUAL.classification, update=_classification_chosen)  # fmt: skip
     depth_rule: KnobEnum(
         name="Layers", description=PLAIN_TEXTS["depth_rule"], default=USUAL.depth_rule,
-        items=knob_items.items((*tables.DEPTH_RULES, *tables.SCALAR_DEPTH_RULES)))  # fmt: skip
+        items=knob_items.items((*tables.DEPTH_RULES, *tables.SCALAR_DEPTH_RULES), later=("midpoint-3",)))  # fmt: skip
     kernel: KnobEnum(
         name="Voxel Shape", description=PLAIN_TEXTS["kernel"], items=knob_items.items(tables.FOOTPRINTS),
         default=USUAL.kernel)  # fmt: skip

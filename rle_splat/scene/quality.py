@@ -65,7 +65,7 @@ MOST_PREINTEGRATED = 8
 MOST_FADE = 15.0  # degrees; a wider range would draw most views along several axes
 # slice-2 is every second slice. Lists of depth rules show only some of midpoint-M.
 NAMED_DEPTH_RULES = ("slice", "slice-2", "simpson", "gauss2")
-DEPTH_RULES = (*NAMED_DEPTH_RULES, *(f"midpoint-{m}" for m in (1, 2, 4, 8, 16)))
+DEPTH_RULES = (*NAMED_DEPTH_RULES, *(f"midpoint-{m}" for m in (1, 2, 3, 4, 8, 16)))
 SCALAR_DEPTH_RULES = ("preintegrated", "preintegrated-2", "preintegrated-4")  # post-classified sheets only
 FOOTPRINTS = get_args(Kernel)
 MINIFICATIONS = get_args(Minification)
