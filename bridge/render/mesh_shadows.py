@@ -4,8 +4,8 @@ Renders combine our picture with that of the engine, which knows nothing of the 
 holds a coarse grid of its medium: rays from meshes to lights are absorbed in it, and mirrors see its lit color.
 
 EEVEE casts no shadows of grids, and Cycles none on a point inside a grid that its camera does not see.  For them a
-child of the grid is the surface at which a voxel of the grid lets half of the light through, moved inward, so that it
-does not shade what lies on the volume.
+child of the grid is the surface at which a voxel of the grid lets half of the light through.  Cycles has it moved
+inward, so that it does not shade what lies on the volume; beyond, its shadow is that of the grid.
 
 Both objects are there as long as renders include the volume.  What they show is set before each rendered frame, on the
 render thread, and is a file or nothing; see ``over_render.py`` for what may be done there.  They are disabled in
@@ -227,7 +227,8 @@ def show(scene, files: dict | None = None) -> None:
         if surface is not None and linked.is_own(surface):
             modifier, inward = surface.modifiers[:2]
             modifier.threshold, inward.strength = float(np.log(2.0)) / voxel, -INWARD * voxel
-            modifier.show_render = bool(shown) and (inside or scene.render.engine in SURFACE_ENGINES)
+            is_outline = scene.render.engine in SURFACE_ENGINES
+            modifier.show_render, inward.show_render = bool(shown) and (inside or is_outline), not is_outline
 
 
 def _file_of(plain: Scene, quality, factors) -> Path:
