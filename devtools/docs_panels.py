@@ -188,7 +188,7 @@ def _follow(path: Path, function: ast.FunctionDef, local: dict, found: list, men
             inner = next((headings.get(titled[name]) for name in names if name in titled), "")
             _read_call(path, node, local, found, inner or menu)
             if heading := headings.get(_root(node)):
-                found[begin:] = [(*one[:2], _headed(heading, one[2]), one[3]) for one in found[begin:]]
+                found[begin:] = [(one[0], one[1] or heading, _headed(heading, one[2]), one[3]) for one in found[begin:]]
 
 
 def _root(call: ast.Call) -> str:

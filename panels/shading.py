@@ -65,9 +65,10 @@ def _draw_scene(scene, layout) -> None:
     row = column.row()
     row.active = has_shadows
     row.prop(settings, "use_shadows")
-    row = column.row()
+    row = column.split(factor=0.6)
     row.use_property_split = False  # the longer name would be cut off
-    row.prop(settings.effect_overrides, effects.property_of(effects.SHADOWS_ON_MESHES), text="Shadows on Meshes")
+    row.label(text="Shadows on Meshes")
+    row.prop(settings.effect_overrides, effects.property_of(effects.SHADOWS_ON_MESHES), text="")
     for name in ("use_world", "use_mist"):
         column.prop(settings, name)
     column = layout.column(align=True)
