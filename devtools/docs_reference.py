@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import argparse
 import ast
-import inspect
 import re
 from dataclasses import dataclass, field
 from functools import cache
@@ -20,14 +19,15 @@ from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
 
-import rle_splat
 from rle_splat.classify.presets import PRESETS
 from rle_splat.cli.main import COMMANDS, example
 from rle_splat.read.formats import FORMATS
 from rle_splat.runtime.cache_folder import RELEASE
 
 from . import docs_panels
+from .docs_markdown import sentence, table
 from .docs_panels import A_NAME, AN_ICON, rows_of
+from .docs_python import python
 from .licenses import bundled
 from .places import ROOT
 
@@ -51,10 +51,6 @@ BLENDERS = {  # what Blender or an effect declares, by the name or the label in 
         "always (*On*) or never (*Off*).",
     ),
 }
-INNER = {  # members that only the package itself uses
-    "StageCache": ("job", "has", "keeps", "contents", "make_room", "has_plenty"),
-    "StoredVolume": ("of", "stand_in", "tables_steps"),
-}
 FILE_OPTIONS_AT = "RLE_SPLAT_OT_import_volume"  # the operator that lists the options of a file for all
 GROUPS = {  # a property group -> how a script reaches it
     "SceneSettings": "scene.rle_splat",
@@ -63,24 +59,6 @@ GROUPS = {  # a property group -> how a script reaches it
     "LabelProperties": "object.rle_splat.labels[...]",
     "RLE_SPLAT_AP_preferences": "preferences.addons[...].preferences",
 }
-
-
-def _table(header, rows) -> str:
-    """A Markdown table; "" without rows."""
-    lines = [header, ["---"] * len(header), *rows]
-    return "\n".join("| " + " | ".join(map(_cell, line)) + " |" for line in lines) if rows else ""
-
-
-def _cell(text: str) -> str:
-    return " ".join(str(text).split()).replace("|", "\\|")
-
-
-def _sentence(text: str) -> str:
-    """A help text or a tooltip as a sentence; a list of values begins as it is typed."""
-    text = " ".join(text.split())
-    if "|" not in text.partition(" ")[0]:
-        text = text[:1].upper() + text[1:]
-    return text if not text or text.endswith((".", "!", "?")) else text + "."
 
 
 # --- the command line -------------------------------------------------------------------------------------------------
@@ -107,20 +85,20 @@ def command_line() -> str:
     parts = []
     for name, purpose in COMMANDS.items():
         parser = command_parser(name)
-        parts += [f"## rle-splat {name}", _sentence(purpose), f"```\n{example(name)}\n```"]
+        parts += [f"## rle-splat {name}", sentence(purpose), f"```\n{example(name)}\n```"]
         for group in parser._action_groups:
             shown = [action for action in group._group_actions if action.help != argparse.SUPPRESS]
-            rows = [(_invocation(action), _sentence((action.help or "") % vars(action))) for action in shown]
+            rows = [(_invocation(action), sentence((action.help or "") % vars(action))) for action in shown]
             if rows:
-                parts.append(f"**{_sentence(group.title)}** {_sentence(group.description or '')}".strip())
-                parts.append(_table(("option", "what it does"), rows))
+                parts.append(f"**{sentence(group.title)}** {sentence(group.description or '')}".strip())
+                parts.append(table(("option", "what it does"), rows))
     return "\n\n".join(parts)
 
 
 def presets() -> str:
     """The built-in transfer functions."""
     rows = [(f"`{row.name}`", row.label, row.modality or "any", row.description) for row in PRESETS.values()]
-    return _table(("name", "in Blender", "for", "what it shows"), rows)
+    return table(("name", "in Blender", "for", "what it shows"), rows)
 
 
 def formats() -> str:
@@ -130,98 +108,7 @@ def formats() -> str:
          ", ".join(f"`{o}`" for o in f.all_options))
         for f in FORMATS
     ]  # fmt: skip
-    return _table(("format", "suffixes", "what is read", "written too", "options of `read_volume`"), rows)
-
-
-# --- Python -----------------------------------------------------------------------------------------------------------
-
-
-SECTION = re.compile(r"^(\w[\w ]*)\n-{3,}$", re.MULTILINE)
-DOCUMENTED = re.compile(rf"\b(?:{'|'.join(name for name in rle_splat.__all__ if name[0].isupper())})\b")
-ENTRY = re.compile(r"^(\S.*)\n?((?:^(?:[ ]{4}.*)?\n?)*)", re.MULTILINE)  # of a section: a name, and what it means
-
-
-def python() -> str:
-    """Every name of the package, by its docstring."""
-    parts = []
-    for name in rle_splat.__all__:
-        value = getattr(rle_splat, name)
-        is_class = isinstance(value, type)
-        is_exception = is_class and issubclass(value, Exception)
-        text = inspect.getdoc(value) or ""
-        is_returned = is_class and "\nAttributes\n---" in text and "\nParameters\n---" not in text  # a user makes none
-        typed = "" if is_exception or is_returned else _parameters(value)
-        parts += [f"## {name}", f"`rle_splat.{name}{typed}`", _docstring(text)]
-        members = _members(value) if is_class and not is_exception else []
-        parts += [_table(("member", "what it is"), members)] if members else []
-    return "\n\n".join(parts)
-
-
-def _parameters(value) -> str:
-    """The parameters of a function as they are typed, without annotations: numpydoc has the types."""
-    found = []
-    for one in inspect.signature(value).parameters.values():
-        if one.kind is one.KEYWORD_ONLY and "*" not in found:
-            found.append("*")
-        default = "" if one.default is one.empty else f"={one.default!r}"
-        found.append({one.VAR_POSITIONAL: "*", one.VAR_KEYWORD: "**"}.get(one.kind, "") + one.name + default)
-    return f"({', '.join(found)})"
-
-
-def _members(cls) -> list[tuple[str, str]]:
-    """The public methods and properties that a class defines, and what they are."""
-    rows = []
-    for name, member in vars(cls).items():
-        function = getattr(member, "__func__", member)
-        if name in INNER.get(cls.__name__, ()):
-            continue
-        if not name.startswith("_") and (callable(function) or hasattr(member, "fget")) and inspect.getdoc(member):
-            typed = name + (_parameters(getattr(cls, name)) if callable(function) else "")
-            rows.append((f"`{typed}`", _in_a_cell(inspect.getdoc(member) or "")))
-    return rows
-
-
-def _in_a_cell(text: str) -> str:
-    """A docstring in one line: its first paragraph, its parameters and what it returns."""
-    beginning, *sections = SECTION.split(text)
-    parts = [_sentence(_prose(beginning.partition("\n\n")[0]))]
-    for title, body in zip(sections[::2], sections[1::2]):
-        if title in ("Parameters", "Returns"):
-            entries = ENTRY.findall(body.strip("\n"))
-            said = "Returns " * (title == "Returns")
-            parts += (said + _entry(head, rest).removeprefix("- ") for head, rest in entries)
-    return "<br>".join(parts)
-
-
-def _docstring(text: str) -> str:
-    """A numpydoc docstring in Markdown: sections in bold, an entry for each name."""
-    beginning, *sections = SECTION.split(text)
-    parts = [_prose(beginning)]
-    for title, body in zip(sections[::2], sections[1::2]):
-        parts.append(f"**{title}**")
-        entries = ENTRY.findall(body.strip("\n"))
-        if title in ("Notes", "Examples", "See Also", "References"):
-            parts.append(_prose(body))
-        else:
-            parts.append("\n".join(_entry(head, rest) for head, rest in entries))
-    return "\n\n".join(part for part in parts if part)
-
-
-def _entry(head: str, rest: str) -> str:
-    """A parameter or a returned value: its name and type as code, and what it means; types of this page are links."""
-    name, _, kind = head.partition(" : ")
-    linked = DOCUMENTED.sub(lambda found: f"[{found[0]}](#{found[0].lower()})", kind or name)
-    if linked == (kind or name):
-        shown = f"`{head}`"
-    else:
-        shown = f"`{name}` ({linked})" if kind else linked
-    return f"- {shown}" + (f": {_sentence(_prose(rest))}" if rest.strip() else "")
-
-
-def _prose(text: str) -> str:
-    """Paragraphs, each in one line, with code as Markdown has it."""
-    paragraphs = (" ".join(part.split()) for part in text.strip("\n").split("\n\n"))
-    return "\n\n".join(paragraphs).replace("``", "`").strip()
+    return table(("format", "suffixes", "what is read", "written too", "options of `read_volume`"), rows)
 
 
 # --- Blender ----------------------------------------------------------------------------------------------------------
@@ -374,7 +261,7 @@ def _meaning(entry: dict, script: bool = False) -> str:
         + (f": {text}" if text and not is_long else "")
         for name, label, text in entry["choices"]
     )  # fmt: skip
-    return f"{_sentence(entry['description'])}{'<br>' if separator == '<br>' else ' '}{choices}".strip()
+    return f"{sentence(entry['description'])}{'<br>' if separator == '<br>' else ' '}{choices}".strip()
 
 
 def operators() -> str:
@@ -382,7 +269,7 @@ def operators() -> str:
     parts = []
     for one in sorted(_of_kind("RLE_SPLAT_OT_"), key=lambda one: _text(one, "bl_label")):
         tooltip = _text(one, "bl_description") or one.doc
-        parts += [f"## {_text(one, 'bl_label')}", f"`bpy.ops.{_text(one, 'bl_idname')}()`. {_sentence(tooltip)}"]
+        parts += [f"## {_text(one, 'bl_label')}", f"`bpy.ops.{_text(one, 'bl_idname')}()`. {sentence(tooltip)}"]
         properties = _properties(one)
         if one.name != FILE_OPTIONS_AT and "SourceOptions" in (part.name for part in _with_bases(one)):
             properties = {name: entry for name, entry in properties.items()
@@ -390,7 +277,7 @@ def operators() -> str:
             parts.append("Also how the file is read: `shape` to `modality` of [Import Volume](#import-volume).")
         rows = [(f"`{name}`", entry["name"], entry["default"], entry["range"], _meaning(entry, True))
                 for name, entry in properties.items()]  # fmt: skip
-        parts += [_table(("property", "label", "default", "range", "what it does"), rows)] if rows else []
+        parts += [table(("property", "label", "default", "range", "what it does"), rows)] if rows else []
     return "\n\n".join(parts)
 
 
@@ -402,7 +289,7 @@ def panels() -> str:
     parts = []
     for file, ours in sorted(files.items(), key=lambda entry: _place_in_tab(entry[1][0])):
         known = BLENDERS | {name: (entry["name"], _meaning(entry)) for name, entry in _settings_of(file).items()}
-        known |= {_text(one, "bl_idname"): (_text(one, "bl_label"), _sentence(_text(one, "bl_description") or one.doc))
+        known |= {_text(one, "bl_idname"): (_text(one, "bl_label"), sentence(_text(one, "bl_description") or one.doc))
                   for one in _of_kind("RLE_SPLAT_OT_")}  # fmt: skip
         rows: dict[str, str] = {}
         for _, name, drawn, menu in rows_of(ROOT / file, ours[0].name):
@@ -410,9 +297,9 @@ def panels() -> str:
                 label, meaning = _drawn(known[name][0], drawn, menu), known[name][1]
                 rows.setdefault(label, meaning)
         parts.append(f"## {_text(ours[0], 'bl_label')}")
-        parts.append(_sentence(ast.get_docstring(ours[0].module).partition(": ")[2] or ours[0].doc))
+        parts.append(sentence(ast.get_docstring(ours[0].module).partition(": ")[2] or ours[0].doc))
         parts.append(f"Where: {'; '.join(map(_where, ours))}.")
-        parts += [_table(("button or setting", "what it does"), rows.items())] if rows else []
+        parts += [table(("button or setting", "what it does"), rows.items())] if rows else []
     return "\n\n".join(parts)
 
 
@@ -456,14 +343,14 @@ def settings() -> str:
             (f"`{name}`", entry["name"], entry["kind"], entry["default"], entry["range"], _meaning(entry, True))
             for name, entry in _properties(blender_classes()[group]).items()
         ]
-        parts += [f"## `{path}`", _table(("property", "label", "type", "default", "range", "what it is"), rows)]
+        parts += [f"## `{path}`", table(("property", "label", "type", "default", "range", "what it is"), rows)]
     return "\n\n".join(parts)
 
 
 def licenses() -> str:
     """The table of packages in the extension's zip."""
     rows = [(f"[{one['name']}]({one['page']})", one["license"]) for one in bundled()]
-    return _table(("package", "license"), rows)
+    return table(("package", "license"), rows)
 
 
 PARTS = {

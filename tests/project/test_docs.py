@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import rle_splat
-from devtools import docs, docs_reference
+from devtools import docs, docs_python, docs_reference
 from rle_splat.cli.main import COMMANDS
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -136,7 +136,7 @@ def test_the_pages_of_the_reference_are_current():
 
 
 def test_every_parameter_of_python_says_what_it_is_and_types_lead_to_their_entries():
-    page = docs_reference.python()
+    page = docs_python.python()
     assert not re.findall(r"^- (?:`[^`]*`|[^:`]*|`\w+` \(.*\))$", page, re.MULTILINE)
     assert "- `camera` ([Camera](#camera)): " in page and "- `lens : float`: " in page
     names = set(re.findall(r"^## (\w+)$", page, re.MULTILINE))
@@ -157,7 +157,7 @@ def test_another_version_is_written_where_it_is_read_without_python(monkeypatch)
 
 
 def test_docstrings_become_markdown():
-    text = docs_reference._docstring(
+    text = docs_python.docstring(
         "Do it.\n\nParameters\n----------\nname : str\n    What\n    it is\nplain : ``int``\n\nNotes\n-----\nOf ``x``."
     )
     assert text == (
@@ -235,7 +235,7 @@ def test_the_reference_explains_every_setting():
 
 
 def test_the_reference_lists_every_name_of_the_package():
-    text = docs_reference.python()
+    text = docs_python.python()
     for name in rle_splat.__all__:
         section = text.partition(f"## {name}\n")[2].partition("\n## ")[0]
         assert f"`rle_splat.{name}" in section and len(section.splitlines()) > 3, name
