@@ -99,6 +99,7 @@ def test_knobs_are_told_as_factors_of_standard(measured):
     assert f"0.5: ×{page.figure_text(half / whole)}" in row and "**1**" in row
 
 
+@pytest.mark.extras
 def test_no_line_joins_depth_rules_of_two_families(measured, tmp_path, monkeypatch):
     pytest.importorskip("matplotlib")
     report, names = measured[0].report, measured[1]

@@ -1,7 +1,9 @@
 """The stages of dev.py test: what runs where, what waits for what, and what is said of what cannot run."""
 
+import ast
 import json
 import os
+import re
 import sys
 import time
 from concurrent.futures import Future
@@ -117,6 +119,18 @@ def stages(monkeypatch, tmp_path):
         return runs, testing._everything(["-x"], quick, everywhere)
 
     return everything
+
+
+def test_what_needs_a_package_of_the_extras_has_their_mark():
+    """Without it no stage runs the test, which is a failure in CI."""
+    checked = 0
+    for file in TESTS.rglob("test_*.py"):
+        functions = (node for node in ast.walk(ast.parse(file.read_text("utf-8"))) if isinstance(node, ast.FunctionDef))
+        for function in functions:
+            if re.search(r"importorskip\('(matplotlib|highdicom)", ast.unparse(function.body)):
+                checked += 1
+                assert "pytest.mark.extras" in map(ast.unparse, function.decorator_list), f"{file}: {function.name}"
+    assert checked
 
 
 def test_each_test_runs_in_one_stage(stages):
