@@ -237,8 +237,8 @@ def main(job: dict) -> int:
     splat = scene.rle_splat.image
     report = json.loads(scene.rle_splat.last_report_json or "{}")
     splat.save_render(str(folder / "splat.png"), scene=scene)
-    timed("set_backdrop", bpy.ops.rle_splat.set_backdrop)
-    timed("composite", bpy.ops.rle_splat.composite)
+    timed("preview_in_camera_view", bpy.ops.rle_splat.preview_in_camera_view)
+    timed("show_in_renders", bpy.ops.rle_splat.show_in_renders)
     scene.render.filepath = str(folder / "render.png")
     timed("render", lambda: bpy.ops.render.render(write_still=True))
     scene.render.filepath = "//render.png"

@@ -165,7 +165,7 @@ def pet(stage: Stage):
         for change in (Matrix.Identity(4), aside, enlarged):
             _contour(tumor, change, coat)
     bpy.context.view_layer.objects.active = neck
-    bpy.ops.rle_splat.add_clip(kind="BOX", keep="INSIDE")
+    bpy.ops.rle_splat.add_cutting_object(kind="BOX", keep="INSIDE")
     box = bpy.context.view_layer.objects.active
     box.matrix_world = (
         enlarged @ Matrix.Translation(at + MM * NECK) @ Matrix.Diagonal((*(MM * HALF / box.empty_display_size), 1.0))

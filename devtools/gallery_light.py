@@ -94,7 +94,7 @@ RECIPES = (
 
 def _without_holder() -> None:
     """Hide Table, and Grow, so that thin walls are not cut."""
-    bpy.ops.rle_splat.remove_table()
+    bpy.ops.rle_splat.hide_table()
     bpy.ops.rle_splat.change_segment(tool="GROW", length=2.0)
 
 

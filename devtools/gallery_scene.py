@@ -36,7 +36,7 @@ def main(job: dict) -> int:
         bpy.context.view_layer.update()
         if not reports:
             reports.append(_priced(scene))
-            bpy.ops.rle_splat.composite()
+            bpy.ops.rle_splat.show_in_renders()
         began = time.monotonic()
         scene.render.filepath = str(folder / f"{picture}.png")
         bpy.ops.render.render(write_still=True)

@@ -142,7 +142,7 @@ def _close(ours, name: str, length: float) -> None:
 def _cut(stage: Stage, low, high) -> None:
     """Cut off what a box holds, whose corners are in mm from the middle."""
     bpy.context.view_layer.objects.active = stage.volume
-    bpy.ops.rle_splat.add_clip(kind="BOX", keep="OUTSIDE")
+    bpy.ops.rle_splat.add_cutting_object(kind="BOX", keep="OUTSIDE")
     box, low, high = bpy.context.view_layer.objects.active, MM * Vector(low), MM * Vector(high)
     half = (high - low) / (2.0 * box.empty_display_size)
     box.matrix_world = Matrix.Translation(stage.middle + (low + high) / 2.0) @ Matrix.Diagonal((*half, 1.0))
@@ -241,7 +241,7 @@ def nuclei(stage: Stage):
         if row.label == DIVIDING:
             row.use_color, row.color = True, GOLD
     (stage.folder / "chromatin.json").write_text(json.dumps(CHROMATIN) + "\n")
-    bpy.ops.rle_splat.load_transfer(filepath=str(stage.folder / "chromatin.json"))
+    bpy.ops.rle_splat.load_transfer_function(filepath=str(stage.folder / "chromatin.json"))
     ours.active_label = next(n for n, row in enumerate(ours.labels) if row.label == BUMPY)
     bpy.ops.rle_splat.change_segment(tool="SMOOTH", length=1.5)
     bpy.ops.rle_splat.add_slice(kind="axial")

@@ -68,7 +68,7 @@ def _surface_before(bone, eye: Vector) -> tuple[Vector, Vector]:
 
 def _remove(half: Vector, matrix: Matrix) -> None:
     """A box that cuts away what is inside; ``half`` of its sides, in meters."""
-    bpy.ops.rle_splat.add_clip(kind="BOX", keep="OUTSIDE")
+    bpy.ops.rle_splat.add_cutting_object(kind="BOX", keep="OUTSIDE")
     box = bpy.context.view_layer.objects.active
     box.matrix_world = matrix @ Matrix.Diagonal((*(half / box.empty_display_size), 1.0))
 
@@ -133,7 +133,7 @@ def skull(stage: Stage):
     ours, at = stage.volume.rle_splat, stage.middle
     bpy.context.view_layer.objects.active = stage.volume
     bpy.ops.rle_splat.apply_preset(preset="ct-bone")
-    bpy.ops.rle_splat.remove_table()
+    bpy.ops.rle_splat.hide_table()
     bpy.ops.rle_splat.change_segment(tool="GROW", length=2.0)  # so that thin walls are whole
     for row in ours.labels:
         row.show = row.label_name == "Body"
@@ -147,7 +147,7 @@ def skull(stage: Stage):
     bpy.context.view_layer.objects.active = stage.volume
     _remove(MM * Vector((100.0, 200.0, 100.0)), Matrix.Translation(at + MM * (CORNER + Vector((100.0, 0.0, 100.0)))))
     bpy.context.view_layer.objects.active = stage.volume
-    bpy.ops.rle_splat.gray_on_cut()
+    bpy.ops.rle_splat.gray_values_on_cut()
     ours.slices_follow_window, ours.slices_clear_black = False, True
     ours.slice_center, ours.slice_width = WINDOW
     ours.shift_by, ours.opacity_unit_distance, ours.smoothness = SHIFT, THICKNESS, 2.0

@@ -58,7 +58,7 @@ class Stage:
         """List the segments of a label file."""
         bpy.context.view_layer.objects.active = self.volume
         self.volume.rle_splat.label_file = str(path)
-        bpy.ops.rle_splat.read_labels()
+        bpy.ops.rle_splat.load_segments()
 
     # --- camera and light ---------------------------------------------------------------------------------------------
 

@@ -148,7 +148,7 @@ def main(job: dict) -> int:
     bpy.ops.rle_splat.render_image()
     shots, seconds = {}, {}
     shots["none"], seconds["none"] = shot(folder, "none")
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     shots["ours"], seconds["ours"] = shot(folder, "ours")
     report = json.loads(scene.rle_splat.last_report_json)
     effect = next(entry for entry in report["effects"] if entry["name"] == "shadows on meshes")
@@ -156,7 +156,7 @@ def main(job: dict) -> int:
     flat = np.empty(len(image.pixels), np.float32)
     image.pixels.foreach_get(flat)
     covered = flat.reshape(*shots["none"].shape)[::-1][..., 3] > 0.002
-    bpy.ops.rle_splat.remove_composite()
+    bpy.ops.rle_splat.remove_from_renders()
     began = time.monotonic()
     bpy.ops.rle_splat.bake_volume(filepath=str(folder / "baked.vdb"))
     seconds["bake"] = time.monotonic() - began

@@ -8,12 +8,13 @@ from ..bridge.classes import classes_of
 from . import import_volume, show_tab
 
 MODULES = [import_module(f".{name}", __name__) for name in (
-    "import_volume choose_series relocate apply_preset transfer_files window_level own_transfer render_image "
-    "set_backdrop composite list_effects accuracy add_clip read_labels channels shadow_pass frame_volume live_view "
-    "objects clear_kernels reload clip_to_view add_slice drag_window use_window_tool probe own_presets "
-    "choose_transfer label_rows turntable extract_surface save_figure bake_volume remove_table keep_connected "
-    "threshold_segment change_segment export_segments scroll_slice four_up plain_background fit_clip show_tab "
-    "update_world_light add_letters add_names add_name add_lights gray_on_cut"
+    "import_volume choose_series relocate_volume apply_preset transfer_function_files window_level single_user "
+    "render_image preview_in_camera_view show_in_renders list_effects accuracy add_cutting_object load_segments "
+    "channels shadow_pass frame_volume live_view objects clear_cache reload_volume cut_along_view add_slice "
+    "drag_window use_window_tool value_at_surface own_presets choose_transfer_function segment_rows turntable "
+    "extract_surface save_figure bake_volume hide_table keep_connected threshold_segment change_segment "
+    "export_segments scroll_slice four_up_view plain_background fit_cutting_object show_tab update_world_light "
+    "add_letters add_names name_structure add_lights gray_values_on_cut"
 ).split()]  # fmt: skip
 CLASSES = classes_of(MODULES)
 

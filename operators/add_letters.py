@@ -9,7 +9,7 @@ from mathutils import Matrix, Vector
 from ..bridge.data.settings import scene_scale_of
 from ..bridge.live import bars, letters
 from ..bridge.volumes import box, volumes
-from .add_clip import visible_corners
+from .add_cutting_object import visible_corners
 from .letter_objects import add_object, depths_of, new_emission, new_text, plane_before
 from .reading import LoadsFirst
 from .refusal import refuse

@@ -13,7 +13,7 @@ from ..bridge.scene.light_recipes import RECIPES, SMOOTHEST
 from ..bridge.translations import filled
 from ..bridge.volumes import box, volumes
 from ..rle_splat.scene import MODES, RleSplatError
-from .add_clip import visible_corners
+from .add_cutting_object import visible_corners
 from .reading import LoadsFirst
 from .refusal import has_editable_values, refuses
 

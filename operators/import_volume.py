@@ -374,10 +374,10 @@ class RLE_SPLAT_OT_import_volume(ImportsVolumes, bpy.types.Operator, ImportHelpe
                 _draw_text(box, sentence)
 
 
-class RLE_SPLAT_OT_import_folder(ImportsVolumes, bpy.types.Operator):
+class RLE_SPLAT_OT_import_dicom_series(ImportsVolumes, bpy.types.Operator):
     """Import a DICOM series from a folder and its subfolders. If there are several, a dialog asks which one"""
 
-    bl_idname = "rle_splat.import_folder"
+    bl_idname = "rle_splat.import_dicom_series"
     bl_label = "Import DICOM Series"
     bl_options = {"UNDO"}
 
@@ -421,4 +421,4 @@ class RLE_SPLAT_FH_volume(bpy.types.FileHandler):
 def draw_menu_entry(menu, _context):
     text = "Volume (.nii/.nrrd/.dcm/.tif/.vdb/.raw)"  # of all suffixes the menu would be too wide
     menu.layout.operator(RLE_SPLAT_OT_import_volume.bl_idname, text=text)
-    menu.layout.operator(RLE_SPLAT_OT_import_folder.bl_idname, text="DICOM Series (.dcm)")
+    menu.layout.operator(RLE_SPLAT_OT_import_dicom_series.bl_idname, text="DICOM Series (.dcm)")

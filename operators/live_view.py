@@ -6,8 +6,8 @@ from ..bridge import live
 from .refusal import needs
 
 
-class RLE_SPLAT_OT_live_again(bpy.types.Operator):
-    bl_idname = "rle_splat.live_again"
+class RLE_SPLAT_OT_try_again(bpy.types.Operator):
+    bl_idname = "rle_splat.try_again"
     bl_label = "Try Again"
     bl_description = "Draw the volume in this viewport again, after it was switched off because of a problem"
     bl_options = set()

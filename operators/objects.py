@@ -32,10 +32,10 @@ class RLE_SPLAT_OT_choose_object(bpy.types.Operator):
         return {"FINISHED"}
 
 
-class RLE_SPLAT_OT_delete_clip(bpy.types.Operator):
+class RLE_SPLAT_OT_delete_cutting_object(bpy.types.Operator):
     """Delete this cutting object, so that it no longer cuts the volume"""
 
-    bl_idname = "rle_splat.delete_clip"
+    bl_idname = "rle_splat.delete_cutting_object"
     bl_label = "Delete Cutting Object"
     bl_options = {"REGISTER", "UNDO"}
 

@@ -13,10 +13,10 @@ from .refusal import has_volume, refuses
 WIDTH = 300  # pixels at interface scale 1
 
 
-class RLE_SPLAT_OT_apply_own_preset(AppliesTransfer, bpy.types.Operator):
+class RLE_SPLAT_OT_apply_user_preset(AppliesTransfer, bpy.types.Operator):
     """Replace the volume's colors and opacities with those of this preset"""
 
-    bl_idname = "rle_splat.apply_own_preset"
+    bl_idname = "rle_splat.apply_user_preset"
     bl_label = "Apply User Preset"
 
     name: StringProperty(name="Name", description="Name of the preset")
@@ -25,10 +25,10 @@ class RLE_SPLAT_OT_apply_own_preset(AppliesTransfer, bpy.types.Operator):
         return drain(own_presets.transfer_steps(self.name, volume))
 
 
-class RLE_SPLAT_OT_save_own_preset(bpy.types.Operator):
+class RLE_SPLAT_OT_save_user_preset(bpy.types.Operator):
     """Save the volume's transfer function at the current frame as a preset"""
 
-    bl_idname = "rle_splat.save_own_preset"
+    bl_idname = "rle_splat.save_user_preset"
     bl_label = "Save as Preset"
 
     name: StringProperty(name="Name", description="Name of the preset, and of its file", options={"SKIP_SAVE"})
@@ -60,10 +60,10 @@ class RLE_SPLAT_OT_save_own_preset(bpy.types.Operator):
         return {"FINISHED"}
 
 
-class RLE_SPLAT_OT_delete_own_preset(bpy.types.Operator):
+class RLE_SPLAT_OT_delete_user_preset(bpy.types.Operator):
     """Delete one of your presets. This cannot be undone"""
 
-    bl_idname = "rle_splat.delete_own_preset"
+    bl_idname = "rle_splat.delete_user_preset"
     bl_label = "Delete User Preset"
 
     name: StringProperty(name="Name", description="Name of the preset", options={"SKIP_SAVE"})

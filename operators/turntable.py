@@ -161,7 +161,7 @@ class RLE_SPLAT_OT_turntable(ExportHelper, bpy.types.Operator):
             scene.camera = camera
             # Have renders include the scene's volumes, if they include none
             if not context.scene.rle_splat.use_composite:
-                bpy.ops.rle_splat.composite()
+                bpy.ops.rle_splat.show_in_renders()
             if self.path == TURN:
                 look_through(scene, camera, frames)
             if self.background != "SCENE":

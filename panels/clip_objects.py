@@ -4,7 +4,7 @@ import bpy
 
 from ..bridge.scene import clip_objects
 from ..bridge.volumes import volumes
-from ..operators import gray_on_cut
+from ..operators import gray_values_on_cut
 from .places import Sidebar
 from .slices import draw_window
 
@@ -27,19 +27,19 @@ class RLE_SPLAT_PT_clip_objects(Sidebar, bpy.types.Panel):
         layout.active = context.scene.rle_splat.use_clips
         row = layout.row(align=True)
         for kind, text, icon in (("BOX", "Add Box", "MESH_CUBE"), ("PLANE", "Add Plane", "MESH_PLANE")):
-            row.operator("rle_splat.add_clip", text=text, icon=icon).kind = kind
-        layout.operator_menu_enum("rle_splat.clip_to_view", "through", icon="VIEW_PERSPECTIVE")
+            row.operator("rle_splat.add_cutting_object", text=text, icon=icon).kind = kind
+        layout.operator_menu_enum("rle_splat.cut_along_view", "through", icon="VIEW_PERSPECTIVE")
         found = clip_objects.clip_objects(context.scene)
         if found:
             if any(map(_is_box, found)):
-                layout.operator("rle_splat.fit_clip", icon="FULLSCREEN_ENTER")
+                layout.operator("rle_splat.fit_cutting_object", icon="FULLSCREEN_ENTER")
             column = layout.box().column(align=True)
             for one in found:
                 _draw_one(context, column, one)
             layout.prop(context.scene.rle_splat, "clip_objects", text="")
             owner = volumes.volume_object(context)
-            shows = owner is not None and gray_on_cut.shows_values(context.scene, owner)
-            layout.operator("rle_splat.gray_on_cut", icon="IMAGE_DATA", depress=shows)
+            shows = owner is not None and gray_values_on_cut.shows_values(context.scene, owner)
+            layout.operator("rle_splat.gray_values_on_cut", icon="IMAGE_DATA", depress=shows)
             if shows:
                 draw_window(context, layout, owner.rle_splat)
 
@@ -55,7 +55,7 @@ def _draw_one(context, layout, one) -> None:
     row.operator("rle_splat.choose_object", text=one.name, icon=icon, emboss=is_active).name = one.name
     row.prop(one.rle_splat, "clip_only_parent", text="", icon="LINKED")
     row.prop(one.rle_splat, "clip_flipped", text="", icon="ARROW_LEFTRIGHT")
-    row.operator("rle_splat.delete_clip", text="", icon="X", emboss=False).name = one.name
+    row.operator("rle_splat.delete_cutting_object", text="", icon="X", emboss=False).name = one.name
 
 
 def _is_box(one) -> bool:

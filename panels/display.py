@@ -55,7 +55,7 @@ class DisplayPanel:
         row.active = properties.mode == MODES[0] or not properties.use_grays
         row.prop(properties, "opacity_scale", slider=True)
         if not is_encoded and properties.space == PATIENT and modality_of(properties) == "CT" and not properties.labels:
-            self.layout.operator("rle_splat.remove_table", icon="USER")
+            self.layout.operator("rle_splat.hide_table", icon="USER")
         column = self.layout.column(heading="Show", align=True)
         for name in ("show_scale_bar", "show_color_bar"):
             column.prop(context.scene.rle_splat, name)

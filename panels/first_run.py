@@ -8,14 +8,14 @@ def draw(context, layout) -> None:
     """Draw the hint."""
     step = _step(context, layout, "1. Import a volume, or drop its file into the view")
     step.operator("rle_splat.import_volume", text="Import Volume…", icon="IMPORT")
-    step.operator("rle_splat.import_folder", text="Import DICOM Series…", icon="FILE_FOLDER")
+    step.operator("rle_splat.import_dicom_series", text="Import DICOM Series…", icon="FILE_FOLDER")
     step = _step(context, layout, "2. Choose a preset, then turn the view")
     row = step.row()
     row.enabled = False  # as the buttons are, until there is a volume
     row.menu("RLE_SPLAT_MT_presets", icon="PRESET")
     step.operator("rle_splat.frame_volume", icon="ZOOM_SELECTED")
     step = _step(context, layout, "3. Show it in renders (F12) with the rest of the scene")
-    step.operator("rle_splat.composite", icon="RESTRICT_RENDER_OFF")
+    step.operator("rle_splat.show_in_renders", icon="RESTRICT_RENDER_OFF")
     if nothing_compiled_yet():
         sentence = "The first picture takes longer, since code is compiled for this computer"
         paragraph(context, layout, sentence, icon="TIME")

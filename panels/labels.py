@@ -41,7 +41,7 @@ class RLE_SPLAT_MT_segments(bpy.types.Menu):
     def draw(self, _context):
         layout = self.layout
         layout.operator_context = "INVOKE_DEFAULT"
-        layout.operator("rle_splat.remove_table", icon="USER")
+        layout.operator("rle_splat.hide_table", icon="USER")
         layout.operator("rle_splat.pick_connected", icon="EYEDROPPER")
         layout.operator("rle_splat.threshold_segment", text="Threshold to Segment…", icon="NODE_SOCKET_FLOAT")
         layout.separator()
@@ -82,8 +82,8 @@ class RLE_SPLAT_PT_labels(OfVolume, bpy.types.Panel):
         layout.menu(RLE_SPLAT_MT_segments.__name__, icon="TOOL_SETTINGS")
         row = layout.row(align=True)
         row.prop(properties, "label_file", text="")
-        row.operator("rle_splat.clear_labels", text="", icon="X")
-        layout.operator("rle_splat.read_labels", icon="FILE_REFRESH")
+        row.operator("rle_splat.clear_segments", text="", icon="X")
+        layout.operator("rle_splat.load_segments", icon="FILE_REFRESH")
         if not properties.labels:
             return
         layout.template_list(
@@ -92,8 +92,8 @@ class RLE_SPLAT_PT_labels(OfVolume, bpy.types.Panel):
         if properties.active_label < len(properties.labels):
             chosen = properties.labels[properties.active_label]
             row = layout.split(factor=ALONE_SHARE, align=True)
-            row.operator("rle_splat.solo_label", text="Show Alone", icon="SOLO_ON").label = chosen.label
-            row.operator("rle_splat.color_anatomy")
+            row.operator("rle_splat.show_segment_alone", text="Show Alone", icon="SOLO_ON").label = chosen.label
+            row.operator("rle_splat.color_by_anatomy")
             label = next(label for name, label, _ in labels.FUNCTION_ITEMS if name == chosen.look)
             row = layout.split(factor=FUNCTION_SHARE)
             row.label(text="Transfer Function")

@@ -50,8 +50,8 @@ def draw_state(context, layout) -> None:
         row = layout.row(align=True)
         owner = volumes.volume_object(context)
         if owner is not None and volumes.is_missing(owner):
-            row.operator("rle_splat.relocate", text="Relocate", icon="FILE_FOLDER")
-        row.operator("rle_splat.live_again", icon="FILE_REFRESH")
+            row.operator("rle_splat.relocate_volume", text="Relocate", icon="FILE_FOLDER")
+        row.operator("rle_splat.try_again", icon="FILE_REFRESH")
     elif mesh := live.mesh_before(area):
         paragraph(context, layout, live.sentence_of_mesh(area), icon="ERROR")
         layout.operator(

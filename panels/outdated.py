@@ -13,7 +13,7 @@ def draw_outdated(context, layout) -> bool:
         sentence = filled("Out of date: {image}. The scene has changed since", image=image.name)
         paragraph(context, layout, sentence, icon="ERROR")
         if image in pinned:
-            layout.operator("rle_splat.set_backdrop", icon="FILE_REFRESH")
+            layout.operator("rle_splat.preview_in_camera_view", icon="FILE_REFRESH")
         else:
             layout.operator("rle_splat.render_image", icon="FILE_REFRESH")
     return bool(images)

@@ -18,8 +18,8 @@ class PicturePanel:
         settings = context.scene.rle_splat
         layout.label(text="In Every Render (F12)")
         row = _tall(layout)
-        row.operator("rle_splat.composite", icon="RESTRICT_RENDER_OFF", depress=settings.use_composite)
-        row.operator("rle_splat.remove_composite", text="", icon="X")
+        row.operator("rle_splat.show_in_renders", icon="RESTRICT_RENDER_OFF", depress=settings.use_composite)
+        row.operator("rle_splat.remove_from_renders", text="", icon="X")
         _draw_composite(context, layout)
         _draw_quality(context, layout)
         column = layout.column()
@@ -55,8 +55,8 @@ def _tall(layout):
 def _draw_preview(layout, settings) -> None:
     """The picture in the active camera's view, which renders do not include."""
     row = _tall(layout)
-    row.operator("rle_splat.set_backdrop", icon="VIEW_CAMERA")
-    row.operator("rle_splat.remove_backdrop", text="", icon="X")
+    row.operator("rle_splat.preview_in_camera_view", icon="VIEW_CAMERA")
+    row.operator("rle_splat.remove_from_camera_view", text="", icon="X")
     row = layout.split(factor=0.42)
     row.label(text="Preview Position")
     row.row().prop(settings, "backdrop_depth", expand=True)
@@ -74,7 +74,7 @@ def _draw_files(layout) -> None:
     export.operator("rle_splat.bake_volume", icon="VOLUME_DATA")
     texts.operator("rle_splat.add_letters", icon="FONT_DATA")
     texts.operator("rle_splat.add_names", icon="OUTLINER_OB_FONT")
-    texts.operator("rle_splat.pick_label", icon="EYEDROPPER")
+    texts.operator("rle_splat.name_structure", icon="EYEDROPPER")
 
 
 def _draw_quality(context, layout) -> None:

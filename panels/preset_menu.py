@@ -17,9 +17,9 @@ class RLE_SPLAT_MT_presets(bpy.types.Menu):
                 if not entry.is_own:
                     layout.operator("rle_splat.apply_preset", text=entry.label).preset = entry.name
                 else:
-                    layout.operator("rle_splat.apply_own_preset", text=entry.label).name = entry.name
+                    layout.operator("rle_splat.apply_user_preset", text=entry.label).name = entry.name
             layout.separator()
-        layout.operator("rle_splat.save_own_preset", text="Save as Preset…", icon="ADD")
+        layout.operator("rle_splat.save_user_preset", text="Save as Preset…", icon="ADD")
         layout.separator()
-        layout.operator("rle_splat.load_transfer", text="Load from File…", icon="FILE_FOLDER")
-        layout.operator("rle_splat.save_transfer", text="Save to File…", icon="FILE_TICK")
+        layout.operator("rle_splat.load_transfer_function", text="Load from File…", icon="FILE_FOLDER")
+        layout.operator("rle_splat.save_transfer_function", text="Save to File…", icon="FILE_TICK")

@@ -22,7 +22,7 @@ class RLE_SPLAT_PT_presets(OfVolume, bpy.types.Panel):
         layout = self.layout
         owner = volumes.volume_object(context)
         row = layout.row(align=True)
-        row.operator("rle_splat.save_own_preset", text="Save as Preset…", icon="ADD")
+        row.operator("rle_splat.save_user_preset", text="Save as Preset…", icon="ADD")
         row.operator("rle_splat.import_presets", text="Import…", icon="IMPORT")
         for group in preset_entries.groups(owner.rle_splat):
             header, body = layout.panel(f"RLE_SPLAT_presets_{group.name}", default_closed=not group.is_open)
@@ -44,11 +44,11 @@ def _draw_grid(context, layout, owner, group) -> None:
         else:
             _draw_placeholder(cell, scale)
         row = cell.row(align=True)
-        kind = "apply_own_preset" if entry.is_own else "apply_preset"
+        kind = "apply_user_preset" if entry.is_own else "apply_preset"
         button = row.operator(f"rle_splat.{kind}", text=entry.label, depress=entry.is_of(owner.rle_splat))
         if entry.is_own:
             button.name = entry.name
-            row.operator("rle_splat.delete_own_preset", text="", icon="TRASH").name = entry.name
+            row.operator("rle_splat.delete_user_preset", text="", icon="TRASH").name = entry.name
         else:
             button.preset = entry.name
 

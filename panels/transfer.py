@@ -44,10 +44,10 @@ class ColorPanel:
         ramp.template_color_ramp(tree.nodes[transfer_nodes.COLOR_NODE], "color_ramp", expand=True)
         _draw_window(layout, owner.rle_splat)
         _draw_opacity(layout, owner.rle_splat)
-        layout.operator("rle_splat.keyframe_transfer", icon="KEY_HLT")
+        layout.operator("rle_splat.keyframe_transfer_function", icon="KEY_HLT")
         if transfer.is_shared(owner):
             label = filled("Make Single-User Copy ({users} Users)", users=tree.users)
-            layout.operator("rle_splat.own_transfer", text=label, icon="DUPLICATE")
+            layout.operator("rle_splat.make_single_user", text=label, icon="DUPLICATE")
 
 
 def _draw_window(layout, properties) -> None:

@@ -48,7 +48,7 @@ class RLE_SPLAT_PT_volume(Sidebar, bpy.types.Panel):
 def _draw_in_renders(layout, is_on: bool) -> None:
     """The camera beside the eye: whether renders include the scene's volumes."""
     layout.operator(
-        "rle_splat.remove_composite" if is_on else "rle_splat.composite", text="", depress=is_on,
+        "rle_splat.remove_from_renders" if is_on else "rle_splat.show_in_renders", text="", depress=is_on,
         icon="RESTRICT_RENDER_OFF" if is_on else "RESTRICT_RENDER_ON")  # fmt: skip
 
 

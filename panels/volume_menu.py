@@ -14,7 +14,7 @@ class RLE_SPLAT_MT_volumes(bpy.types.Menu):
             layout.operator("rle_splat.choose_object", text=owner.name, icon=icon_of(owner)).name = owner.name
         layout.separator()
         layout.operator("rle_splat.import_volume", text="Import Volume…", icon="IMPORT")
-        layout.operator("rle_splat.import_folder", text="Import DICOM Series…", icon="FILE_FOLDER")
+        layout.operator("rle_splat.import_dicom_series", text="Import DICOM Series…", icon="FILE_FOLDER")
 
 
 def icon_of(owner) -> str:

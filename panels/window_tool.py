@@ -25,7 +25,7 @@ class RLE_SPLAT_WT_window(bpy.types.WorkSpaceTool):
         ("rle_splat.drag_window", {"type": "LEFTMOUSE", "value": "PRESS", "shift": True}, None),
         ("rle_splat.scroll_slice", {"type": "WHEELUPMOUSE", "value": "PRESS"}, {"properties": [("layers", 1)]}),
         ("rle_splat.scroll_slice", {"type": "WHEELDOWNMOUSE", "value": "PRESS"}, {"properties": [("layers", -1)]}),
-        ("rle_splat.probe", {"type": "MOUSEMOVE", "value": "ANY", "any": True}, None),
+        ("rle_splat.value_at_surface", {"type": "MOUSEMOVE", "value": "ANY", "any": True}, None),
     )
 
     def draw_settings(context, layout, _tool):

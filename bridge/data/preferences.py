@@ -102,7 +102,7 @@ class RLE_SPLAT_AP_preferences(bpy.types.AddonPreferences):
             draw_number(layout, self, name, automatic)
         row = layout.row()
         row.label(text=filled("Compiled code: {size}", size=memory.bytes_text(kernels_size())))
-        row.operator("rle_splat.clear_kernels", icon="TRASH")
+        row.operator("rle_splat.clear_cache", icon="TRASH")
         layout.label(text=str(cache_folder()), icon="FILE_FOLDER")
 
 

@@ -80,7 +80,7 @@ def imported(preset: str, name: str, **given):
     yield from begin()
     with in_the_view():
         if (DATA / name).is_dir():
-            assert bpy.ops.rle_splat.import_folder(directory=str(DATA / name)) == {"FINISHED"}
+            assert bpy.ops.rle_splat.import_dicom_series(directory=str(DATA / name)) == {"FINISHED"}
         else:
             assert bpy.ops.rle_splat.import_volume(filepath=str(DATA / name), at_cursor=True, **given) == {"FINISHED"}
         assert bpy.ops.rle_splat.apply_preset(preset=preset) == {"FINISHED"}

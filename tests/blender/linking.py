@@ -66,7 +66,7 @@ def make_library(tmp_path):
     second = import_raw(folder / "second.raw")
     owner = import_raw(folder / "scan.raw")
     owner.rle_splat.label_file = str(folder / "labels.raw")
-    assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
+    assert bpy.ops.rle_splat.load_segments() == {"FINISHED"}
     activate(owner, second)
     assert bpy.ops.rle_splat.add_channels() == {"FINISHED"}
     cut = bpy.data.objects.new("cut", None)

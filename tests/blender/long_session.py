@@ -64,7 +64,7 @@ def go_round(number: int, folder: Path) -> None:
     labels = folder / f"labels {number % 7}.raw"
     (ball // 64).tofile(labels)
     owner.rle_splat.label_file = str(labels)
-    assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
+    assert bpy.ops.rle_splat.load_segments() == {"FINISHED"}
     bpy.ops.ed.undo_push(message="imported")
     bpy.ops.rle_splat.add_slice(kind="axial")
     scenes.activate(owner)
@@ -74,13 +74,13 @@ def go_round(number: int, folder: Path) -> None:
     owner.location.z += 0.5 * (number % 5)
     scenes.update()
     if number % 3 == 0:
-        assert bpy.ops.rle_splat.set_backdrop(follow=True) == {"FINISHED"}
+        assert bpy.ops.rle_splat.preview_in_camera_view(follow=True) == {"FINISHED"}
         owner.location.x += 1.0
         scenes.update()
     if number % 2:
         assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
     else:
-        assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+        assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
         bpy.context.scene.render.filepath = str(folder / "out.exr")
         bpy.ops.render.render(write_still=True)
         assert not settings.render_problem, settings.render_problem

@@ -226,7 +226,7 @@ def add_volume(name: str, radius: float, labels: int):
     path = FOLDER / f"{name} labels.raw"
     np.minimum(away / SIDE * 2.0 * labels, labels).astype(np.uint8).tofile(path)
     owner.rle_splat.label_file = str(path)
-    assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
+    assert bpy.ops.rle_splat.load_segments() == {"FINISHED"}
     assert len(owner.rle_splat.labels) >= labels
     return owner
 
@@ -301,7 +301,7 @@ def f12(name: str):
         if bpy.context.scene.camera is None:
             scenes.add_camera((SIDE / 2, -80.0, SIDE / 2), (np.pi / 2, 0.0, 0.0))
         scenes.use_cycles((64, 48))
-        assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+        assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
         bpy.app.handlers.render_complete.append(lambda *_: done.append(True))
         bpy.ops.render.render("INVOKE_DEFAULT")
     yield from until(lambda: done and not bpy.app.is_job_running("RENDER"))

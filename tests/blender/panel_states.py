@@ -82,7 +82,7 @@ def overridden(folder):
 def deleted(folder):
     """By X, which takes a volume out of the scenes: it was composited and had a backdrop that follows."""
     composited(folder)
-    bpy.ops.rle_splat.set_backdrop(follow=True)
+    bpy.ops.rle_splat.preview_in_camera_view(follow=True)
     bpy.ops.object.delete()
     assert bpy.context.scene.rle_splat.use_composite and not bpy.context.scene.objects.get("scan")
 
@@ -93,7 +93,7 @@ def other_objects_deleted(folder):
     channel = owner.rle_splat.channels.add()
     channel.source = add_volume(folder, "channel")
     make_active(owner)
-    bpy.ops.rle_splat.add_clip(kind="BOX")
+    bpy.ops.rle_splat.add_cutting_object(kind="BOX")
     channel.source.select_set(True)
     bpy.ops.object.delete()
     make_active(owner)
@@ -119,7 +119,7 @@ def add_labels(folder, owner):
     numbers[:, :, :3], numbers[:, :, 5:] = 3, 7
     numbers.tofile(folder / "labels.raw")
     owner.rle_splat.label_file = str(folder / "labels.raw")
-    bpy.ops.rle_splat.read_labels()
+    bpy.ops.rle_splat.load_segments()
     hidden, colored = owner.rle_splat.labels[1:]
     hidden.show, colored.use_color = False, True
 
@@ -145,7 +145,7 @@ def clip_objects(folder):
 
 def add_clips(owner):
     for kind, keep in (("BOX", "INSIDE"), ("PLANE", "OUTSIDE")):
-        bpy.ops.rle_splat.add_clip(kind=kind, keep=keep)
+        bpy.ops.rle_splat.add_cutting_object(kind=kind, keep=keep)
         make_active(owner)
 
 
@@ -206,7 +206,7 @@ def custom(folder):
 
 def composited(folder):
     add_volume(folder)
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     assert bpy.context.scene.rle_splat.use_composite
 
 

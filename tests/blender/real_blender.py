@@ -126,7 +126,7 @@ def check_render_image() -> None:
 
 
 def check_backdrop() -> None:
-    assert bpy.ops.rle_splat.set_backdrop(place="BACK") == {"FINISHED"}
+    assert bpy.ops.rle_splat.preview_in_camera_view(place="BACK") == {"FINISHED"}
     entry = bpy.context.scene.camera.data.background_images[0]
     assert entry.frame_method == "STRETCH" and tuple(entry.image.size) == (SIZE, SIZE)
 
@@ -136,7 +136,7 @@ def check_composite(folder: Path) -> None:
     add_strip(0.0, 1.5, 15.0, front)
     add_strip(2.0, 3.5, 2.3, inside)
     add_strip(6.0, 7.0, -5.0, behind)
-    assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+    assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
     assert bpy.context.scene.render.use_lock_interface
     write_exr(folder / "out.exr")
     bpy.ops.render.render(write_still=True)

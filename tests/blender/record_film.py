@@ -29,7 +29,7 @@ def skull():
     volume = yield from imported("ct-bone", "scan")
     activate(volume)
     with in_the_view():
-        assert bpy.ops.rle_splat.remove_table() == {"FINISHED"}
+        assert bpy.ops.rle_splat.hide_table() == {"FINISHED"}
         assert bpy.ops.rle_splat.change_segment(tool="GROW", length=GROW) == {"FINISHED"}
     ours = volume.rle_splat
     ours.shift_by, ours.opacity_unit_distance, ours.smoothness = SHIFT, OPAQUE, SMOOTH
@@ -51,7 +51,7 @@ def turn_and_cut(scene, volume):
         bpy.ops.view3d.view_axis(type="FRONT")
     yield from settled()
     with in_the_view():
-        assert bpy.ops.rle_splat.clip_to_view() == {"FINISHED"}
+        assert bpy.ops.rle_splat.cut_along_view() == {"FINISHED"}
     plane = bpy.context.view_layer.objects.active
     middle = plane.location.y
     for number, away in ((1, FRONT), (TURN, BACK), (LAST, FRONT)):
@@ -59,7 +59,7 @@ def turn_and_cut(scene, volume):
         plane.keyframe_insert("location", frame=number)
     activate(volume)
     with in_the_view():
-        assert bpy.ops.rle_splat.gray_on_cut() == {"FINISHED"}
+        assert bpy.ops.rle_splat.gray_values_on_cut() == {"FINISHED"}
     ours = volume.rle_splat
     ours.slices_follow_window, ours.slices_clear_black = False, True
     ours.slice_center, ours.slice_width = LEVEL, WINDOW
@@ -72,7 +72,7 @@ def scenario():
     bpy.context.preferences.view.smooth_view = 0
     yield from turn_and_cut(scene, volume)
     with in_the_view():
-        assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+        assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
     scene.rle_splat.quality, scene.frame_start, scene.frame_end, scene.frame_step = "fine", 1, TURN, STEP
     scene.view_settings.view_transform, render.filepath = "Standard", os.path.join(os.environ[SHOTS], "frame-")
     scene.world = bpy.data.worlds.new("World")  # as in a new file

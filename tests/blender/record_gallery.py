@@ -39,7 +39,7 @@ def scenario():
     open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_clip_objects")
     yield from new_file()
     with in_the_view():
-        assert bpy.ops.rle_splat.import_folder(directory=str(SCAN)) == {"FINISHED"}
+        assert bpy.ops.rle_splat.import_dicom_series(directory=str(SCAN)) == {"FINISHED"}
         stage = Stage.of(bpy.context.view_layer.objects.active, Path(tempfile.mkdtemp()))
         list(skull(stage))
     area = area_of("VIEW_3D")

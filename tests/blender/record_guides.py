@@ -56,7 +56,7 @@ def skull():
     volume = yield from imported("ct-bone", "scan")
     look_from(76.0, -30.0, 0.5)
     with in_the_view():
-        assert bpy.ops.rle_splat.remove_table() == {"FINISHED"}
+        assert bpy.ops.rle_splat.hide_table() == {"FINISHED"}
     yield from settled()
     return volume
 
@@ -96,7 +96,7 @@ def presets():
     bare()
     look_from(84.0, 30.0, 0.6)
     with in_the_view():
-        assert bpy.ops.rle_splat.remove_table() == {"FINISHED"}
+        assert bpy.ops.rle_splat.hide_table() == {"FINISHED"}
     activate(volume)
     yield from settled()
     yield from scroll_sidebar(10)
@@ -142,7 +142,7 @@ def set_up_slices():
     bare()
     look_from(76.0, 30.0, 0.5)
     with in_the_view():
-        assert bpy.ops.rle_splat.four_up("EXEC_DEFAULT", True) == {"FINISHED"}
+        assert bpy.ops.rle_splat.four_up_view("EXEC_DEFAULT", True) == {"FINISHED"}
     activate(volume)
     volume.rle_splat.slices_clear_black = True
     yield from settled()
@@ -186,7 +186,7 @@ def smoothness():
     open_panels("RLE_SPLAT_PT_volume", *(f"RLE_SPLAT_PT_{name}" for name in PANELS))
     volume = yield from head()
     with in_the_view():
-        assert bpy.ops.rle_splat.remove_table() == {"FINISHED"}
+        assert bpy.ops.rle_splat.hide_table() == {"FINISHED"}
     area_of("VIEW_3D").spaces.active.region_3d.view_location.z += 0.045
     look_from(75.0, 25.0, 0.5)
     for name, smoothness in (("rough", 0.0), ("smooth", 3.0)):
@@ -203,7 +203,7 @@ def table():
     yield from settled()
     yield from keep("table", HEAD)
     with in_the_view():
-        assert bpy.ops.rle_splat.remove_table() == {"FINISHED"}
+        assert bpy.ops.rle_splat.hide_table() == {"FINISHED"}
     yield from settled()
     yield from keep("free", HEAD)
     beside("how-to-table", "table", "free")
@@ -217,14 +217,14 @@ def cut():
     yield from settled()
     yield from keep("closed", HEAD)
     with in_the_view():
-        assert bpy.ops.rle_splat.add_clip(kind="BOX", keep="INSIDE") == {"FINISHED"}
+        assert bpy.ops.rle_splat.add_cutting_object(kind="BOX", keep="INSIDE") == {"FINISHED"}
     box = bpy.context.view_layer.objects.active
     box.matrix_world.translation.y += 0.085  # m
     yield from settled()
     yield from keep("open", HEAD)
     activate(volume)
     with in_the_view():
-        assert bpy.ops.rle_splat.gray_on_cut() == {"FINISHED"}
+        assert bpy.ops.rle_splat.gray_values_on_cut() == {"FINISHED"}
     ours, view = volume.rle_splat, area_of("VIEW_3D").spaces.active
     ours.slices_follow_window, ours.slice_center, ours.slice_width = False, 150.0, 900.0
     bpy.context.scene.view_settings.view_transform = "Standard"  # leaves gray values as they are
@@ -275,13 +275,13 @@ def live():
     middle_of, half = Vector(corners.mean(axis=0)), Vector(np.ptp(corners, axis=0)) / 2
     with in_the_view():
         activate(volume)
-        assert bpy.ops.rle_splat.add_clip(kind="BOX", keep="OUTSIDE") == {"FINISHED"}
+        assert bpy.ops.rle_splat.add_cutting_object(kind="BOX", keep="OUTSIDE") == {"FINISHED"}
     box = bpy.context.view_layer.objects.active
     box.matrix_world = Matrix.LocRotScale(middle_of + half, None, half)
     ours = volume.rle_splat
     with in_the_view():
         activate(volume)
-        assert bpy.ops.rle_splat.gray_on_cut() == {"FINISHED"}
+        assert bpy.ops.rle_splat.gray_values_on_cut() == {"FINISHED"}
     ours.slices_follow_window, ours.slice_center, ours.slice_width = False, 90.0, 160.0
     tip = middle_of + Vector((0.012, 0.0005, 0.012))  # half embedded in the coronal cut
     for name, radius, length, color in (

@@ -138,7 +138,7 @@ def tutorial_of_organs():
     view.shading.use_scene_lights = view.shading.use_scene_world = True
     with in_the_view():
         bpy.ops.view3d.view_center_camera()
-        assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+        assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
         assert bpy.ops.rle_splat.add_letters() == {"FINISHED"}
     volume.select_set(False)
     with in_the_view():

@@ -293,7 +293,7 @@ def check_modes():
             yield from choose_item(owner.rle_splat, "display", mode)
         if mode == "minip":  # as the panel says: of all of the head every line passes air
             with in_the_view():
-                assert bpy.ops.rle_splat.add_clip(kind="BOX") == {"FINISHED"}
+                assert bpy.ops.rle_splat.add_cutting_object(kind="BOX") == {"FINISHED"}
             bpy.context.scene.rle_splat.clip_objects.objects[0].scale *= 0.55
             scenes.activate(owner)
             yield from settled()
@@ -425,7 +425,7 @@ def check_other_presets():
         yield from imported(entry, path.parent, path)
         if not entry:  # the file does not say what it is
             with in_the_view():
-                assert bpy.ops.rle_splat.reload(modality="MR") == {"FINISHED"}
+                assert bpy.ops.rle_splat.reload_volume(modality="MR") == {"FINISHED"}
         for name in wanted:
             yield from press_button(f"{OP}apply_preset(", f"'{name}'", columns=(230, 140, 60))
             yield from settled()
@@ -467,7 +467,7 @@ def check_dose():
     owner = volumes()[0]
     dose = write_dose(FOLDER / "dose.dcm")
     with in_the_view():
-        assert bpy.ops.rle_splat.add_clip(kind="BOX") == {"FINISHED"}
+        assert bpy.ops.rle_splat.add_cutting_object(kind="BOX") == {"FINISHED"}
     box = bpy.context.scene.rle_splat.clip_objects.objects[0]
     box.scale.y *= 0.5
     box.location.y += box.empty_display_size * box.scale.y

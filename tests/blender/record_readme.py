@@ -137,7 +137,7 @@ def studio(volume) -> None:
 def cut(volume):
     """A box whose right face is dragged by its handle to the middle of the head, and gray values on the cut."""
     yield from scroll_sidebar(DOWN)
-    yield from click("bpy.ops.rle_splat.add_clip", "BOX", "Add a box")
+    yield from click("bpy.ops.rle_splat.add_cutting_object", "BOX", "Add a box")
     box = bpy.context.view_layer.objects.active
     before = box.matrix_world.copy()
     face = box.matrix_world @ Vector((-1.0, 0.0, 0.0))
@@ -151,7 +151,7 @@ def cut(volume):
     ours.slices_follow_window, ours.slices_clear_black = False, True
     ours.slice_center, ours.slice_width = LEVEL, WINDOW
     yield from scroll_sidebar(FURTHER)
-    yield from click("bpy.ops.rle_splat.gray_on_cut", "", "Show gray values on the cut")
+    yield from click("bpy.ops.rle_splat.gray_values_on_cut", "", "Show gray values on the cut")
     yield from settled()
     yield from frame(HOLD)
 
@@ -218,7 +218,7 @@ def scenario():
     yield from settled()
     yield from frame(HOLD, "Add lights, a floor and a camera")
     with in_the_view():
-        assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+        assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
         assert bpy.ops.rle_splat.add_letters() == {"FINISHED"}
     yield from settled()
     yield from frame(HOLD, "Show in Renders, letters, a scale bar")

@@ -63,7 +63,7 @@ def nodes():
     bpy.context.scene.collection.objects.link(camera)
     bpy.context.scene.camera = camera
     with in_the_view():
-        assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+        assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
     editor = area_of("VIEW_3D")
     editor.ui_type = "CompositorNodeTree"
     yield from wait_for_rest()
@@ -94,7 +94,7 @@ def pinned():
     bpy.context.view_layer.objects.active.select_set(False)
     activate(volume)
     with in_the_view():
-        assert bpy.ops.rle_splat.set_backdrop(place="FRONT") == {"FINISHED"}
+        assert bpy.ops.rle_splat.preview_in_camera_view(place="FRONT") == {"FINISHED"}
     region.view_perspective = "CAMERA"
     bpy.context.preferences.addons[MODULE].preferences.show_live = False  # the picture alone
     yield
@@ -151,7 +151,7 @@ def first_picture():
     scene.camera, camera.matrix_world = camera, view.view_matrix.inverted()
     with in_the_view():
         assert bpy.ops.rle_splat.add_lights(kind="SOFT") == {"FINISHED"}
-        assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+        assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
     scene.view_settings.view_transform, render = "Standard", scene.render
     render.resolution_x, render.resolution_y, render.image_settings.file_format = 840, 560, "JPEG"
     render.image_settings.quality, render.filepath = 84, str(Path(os.environ[SHOTS]) / "readme-first.jpg")

@@ -203,7 +203,7 @@ def rest():
         bpy.ops.object.camera_add(location=(0.13, -0.6, 0.13), rotation=(radians(90.0), 0.0, 0.0))
         bpy.context.scene.camera = bpy.context.object
         bpy.context.view_layer.objects.active = next(one for one in bpy.data.objects if one.rle_splat.is_volume)
-        assert bpy.ops.rle_splat.set_backdrop(follow=True) == {"FINISHED"}
+        assert bpy.ops.rle_splat.preview_in_camera_view(follow=True) == {"FINISHED"}
     yield from settled()
     timer = import_module(f"{MODULE}.bridge.loop.timer")
     while bpy.app.timers.is_registered(timer._tick):

@@ -216,7 +216,7 @@ def load_color(folder, color, alpha=0.3, **transfer):
     }
     path = folder / "one_color.json"
     path.write_text(json.dumps(function))
-    assert bpy.ops.rle_splat.load_transfer(filepath=str(path)) == {"FINISHED"}
+    assert bpy.ops.rle_splat.load_transfer_function(filepath=str(path)) == {"FINISHED"}
 
 
 def cube_scene(folder, size=(24, 24), **cube):
@@ -299,7 +299,7 @@ def backdrop_of(camera):
 
 def set_anew(camera):
     """The pixels of the backdrop as Preview in Camera View makes it now."""
-    assert bpy.ops.rle_splat.set_backdrop() == {"FINISHED"}
+    assert bpy.ops.rle_splat.preview_in_camera_view() == {"FINISHED"}
     return backdrop_of(camera)
 
 

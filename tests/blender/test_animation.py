@@ -44,7 +44,7 @@ def key_linear(owner, path, values, index=-1):
 
 
 def test_a_moving_camera_and_a_moving_volume(volume, tmp_path):
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     key_linear(bpy.context.scene.camera, "location", (4.0, 5.0, 6.0), index=0)
     key_linear(volume, "location", (0.0, 2.0, 4.0), index=1)
     middles = np.array([scenes.centroid(alpha) for alpha in animated(tmp_path)])
@@ -57,7 +57,7 @@ def test_a_moving_camera_and_a_moving_volume(volume, tmp_path):
 def test_the_compositor_on_the_graphics_card_reads_the_new_picture(volume, tmp_path):
     """Nothing of an earlier frame's texture is used again."""
     scenes.skip_without_graphics()
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     bpy.context.scene.render.compositor_device = "GPU"
     key_linear(bpy.context.scene.camera, "location", (4.0, 5.0, 6.0), index=0)
     middles = np.array([scenes.centroid(alpha) for alpha in animated(tmp_path)])
@@ -65,7 +65,7 @@ def test_the_compositor_on_the_graphics_card_reads_the_new_picture(volume, tmp_p
 
 
 def test_a_reloaded_file_goes_on_splatting(volume, tmp_path):
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "saved.blend"))
     key_linear(bpy.context.scene.camera, "location", (4.0, 5.0, 6.0), index=0)
@@ -74,7 +74,7 @@ def test_a_reloaded_file_goes_on_splatting(volume, tmp_path):
 
 
 def test_an_animated_transfer_function(volume, tmp_path):
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     key_linear(volume.rle_splat, "opacity_scale", (1.0, 0.5, 0.0))
     frames = animated(tmp_path)
     for alpha, scale in zip(frames, (1.0, 0.5, 0.0)):
@@ -84,7 +84,7 @@ def test_an_animated_transfer_function(volume, tmp_path):
 def test_all_frames_have_the_plan_of_the_first(volume, tmp_path):
     settings = bpy.context.scene.rle_splat
     settings.classification = "post"
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     key_linear(volume.rle_splat, "opacity_scale", (1.0, 0.5, 0.2))
     animated(tmp_path)
     plan = json.loads(settings.last_report_json)["plan"]
@@ -95,7 +95,7 @@ def test_all_frames_have_the_plan_of_the_first(volume, tmp_path):
 def test_a_mesh_that_rises_through_the_volume(volume, tmp_path):
     rising = scenes.add_mesh([(-5, -5, 0), (14, -5, 0), (14, 14, 0), (-5, 14, 0)], [(0, 1, 2, 3)], (0.0, 0.0, 0.0))
     key_linear(rising, "location", (-5.0, 2.5, 12.0), index=2)
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     image = bpy.context.scene.rle_splat.composite_image
     seen = []
 
@@ -117,7 +117,7 @@ def test_a_camera_bound_to_a_marker(volume, tmp_path):
     scene.camera = first
     for frame, camera in ((1, first), (2, second)):
         scene.timeline_markers.new(f"cut {frame}", frame=frame).camera = camera
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     frames = animated(tmp_path)
     moved = scenes.centroid(frames[1]) - scenes.centroid(frames[0])
     np.testing.assert_allclose(moved, (-3.0, 0.0), atol=0.05)
@@ -130,7 +130,7 @@ def test_two_view_layers_and_motion_blur_splat_each_frame_once(volume, bridge, t
     scene.render.use_motion_blur = True
     scenes.add_mesh([(60, 0, 0), (61, 0, 0), (60, 1, 0)], [(0, 1, 2)], (1.0, 1.0, 1.0))
     key_linear(scene.camera, "location", (4.0, 5.0, 6.0), index=0)
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     scenes_read, calls = bridge("scene.render_scene"), []
     read = scenes_read.read_scenes
     monkeypatch.setattr(
@@ -144,7 +144,7 @@ def test_two_view_layers_and_motion_blur_splat_each_frame_once(volume, bridge, t
 
 
 def test_what_did_not_change_is_not_made_again(volume, bridge, tmp_path):
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     key_linear(bpy.context.scene.camera, "location", (4.0, 5.0, 6.0), index=0)
     kept = bridge("scene.render_scene").KEPT
     kept.clear()
@@ -154,7 +154,7 @@ def test_what_did_not_change_is_not_made_again(volume, bridge, tmp_path):
 
 
 def test_a_frame_that_does_not_see_the_volume_is_transparent_and_no_failure(volume, tmp_path):
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     key_linear(bpy.context.scene.camera, "location", (4.0, 400.0, 4.0), index=0)
     frames = animated(tmp_path)
     assert frames[0].max() > 0.3 and frames[1].max() == 0.0 and frames[2].max() > 0.3
@@ -162,7 +162,7 @@ def test_a_frame_that_does_not_see_the_volume_is_transparent_and_no_failure(volu
 
 
 def test_a_frame_that_fails_is_a_placeholder_and_the_next_is_right_again(volume, tmp_path):
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     key_linear(volume, "scale", (1.0, 0.0, 1.0), index=2)
     frames = animated(tmp_path)
     assert frames[1].min() == 1.0

@@ -24,7 +24,7 @@ def volume(tmp_path):
 
 @pytest.mark.parametrize("place", ["BACK", "FRONT"])
 def test_the_backdrop_fills_the_frame(volume, place):
-    assert bpy.ops.rle_splat.set_backdrop(place=place) == {"FINISHED"}
+    assert bpy.ops.rle_splat.preview_in_camera_view(place=place) == {"FINISHED"}
     camera = bpy.context.scene.camera.data
     assert camera.show_background_images and len(camera.background_images) == 1
     entry = camera.background_images[0]
@@ -43,20 +43,20 @@ def test_setting_it_again_keeps_one_entry_and_the_users_own(volume):
     own = camera.background_images.new()
     own.image = bpy.data.images.new("blueprint", 4, 4)
     own.alpha = 0.3
-    bpy.ops.rle_splat.set_backdrop()
-    bpy.ops.rle_splat.set_backdrop()
+    bpy.ops.rle_splat.preview_in_camera_view()
+    bpy.ops.rle_splat.preview_in_camera_view()
     assert len(camera.background_images) == 2
     assert camera.background_images[0].image.name == "blueprint"
     assert camera.background_images[0].alpha == pytest.approx(0.3)
-    assert bpy.ops.rle_splat.remove_backdrop() == {"FINISHED"}
+    assert bpy.ops.rle_splat.remove_from_camera_view() == {"FINISHED"}
     assert [entry.image.name for entry in camera.background_images] == ["blueprint"]
-    assert not bpy.ops.rle_splat.remove_backdrop.poll()
+    assert not bpy.ops.rle_splat.remove_from_camera_view.poll()
 
 
 def test_in_front_meshes_cut_it_behind_they_do_not(volume):
     scenes.add_mesh([(-9, -9, 20), (19, -9, 20), (19, 19, 20), (-9, 19, 20)], [(0, 1, 2, 3)])
     for place, hidden in (("FRONT", True), ("BACK", False)):
-        bpy.ops.rle_splat.set_backdrop(place=place)
+        bpy.ops.rle_splat.preview_in_camera_view(place=place)
         alpha = scenes.image_pixels(bpy.context.scene.camera.data.background_images[0].image)[..., 3]
         assert (alpha.max() < 1e-6) == hidden
 
@@ -67,13 +67,13 @@ def test_it_follows_the_frame_only_when_told_to(volume):
     camera.location.x += 2.0
     camera.keyframe_insert("location", frame=2)
     scene.frame_set(1)
-    bpy.ops.rle_splat.set_backdrop()
+    bpy.ops.rle_splat.preview_in_camera_view()
     image = camera.data.background_images[0].image
     still = scenes.image_pixels(image)
     scene.frame_set(2)
     np.testing.assert_array_equal(scenes.image_pixels(image), still)
     scene.frame_set(1)
-    bpy.ops.rle_splat.set_backdrop(follow=True)
+    bpy.ops.rle_splat.preview_in_camera_view(follow=True)
     scene.frame_set(2)
     moved = scenes.centroid(scenes.image_pixels(image)[..., 3]) - scenes.centroid(still[..., 3])
     np.testing.assert_allclose(moved, (-2.0 / 20.0 * 40, 0.0), atol=0.05)
@@ -81,5 +81,5 @@ def test_it_follows_the_frame_only_when_told_to(volume):
 
 def test_a_render_does_not_show_it(volume, tmp_path):
     scenes.use_cycles((40, 32))
-    bpy.ops.rle_splat.set_backdrop(place="FRONT")
+    bpy.ops.rle_splat.preview_in_camera_view(place="FRONT")
     assert np.abs(scenes.rendered(tmp_path / "out.exr")).max() == 0.0

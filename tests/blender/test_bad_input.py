@@ -8,7 +8,7 @@ import pytest
 
 from tests.blender import scenes
 
-PICTURE_OPERATORS = ("render_image", "set_backdrop", "composite")
+PICTURE_OPERATORS = ("render_image", "preview_in_camera_view", "show_in_renders")
 
 
 @pytest.fixture
@@ -63,13 +63,13 @@ def test_an_object_that_is_no_camera(volume, operator):
     assert "not a camera" in refusal(operator)
 
 
-@pytest.mark.parametrize("operator", ["render_image", "set_backdrop"])
+@pytest.mark.parametrize("operator", ["render_image", "preview_in_camera_view"])
 def test_a_camera_that_sees_nothing(volume, operator):
     scenes.add_camera((500.0, 0.0, 10.0))
     assert "does not see the volume" in refusal(operator)
 
 
-@pytest.mark.parametrize("operator", ["render_image", "set_backdrop"])
+@pytest.mark.parametrize("operator", ["render_image", "preview_in_camera_view"])
 def test_a_volume_scaled_to_nothing(volume, operator):
     scenes.add_camera()
     volume.scale = (1.0, 0.0, 1.0)
@@ -124,17 +124,17 @@ def test_a_blank_transfer_function_warns(volume):
 
 def test_a_removed_volume_is_told(volume, tmp_path):
     scenes.add_camera((4.0, 4.0, 30.0))
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     assert scenes.rendered(tmp_path / "seen.exr")[16, 16, 3] > 0.3
     bpy.data.objects.remove(volume)
     assert scenes.rendered(tmp_path / "gone.exr")[..., 3].min() == 1.0  # a placeholder
     assert "was deleted" in bpy.context.scene.rle_splat.message
-    assert bpy.ops.rle_splat.remove_composite() == {"FINISHED"}
+    assert bpy.ops.rle_splat.remove_from_renders() == {"FINISHED"}
 
 
 def test_a_deleted_picture_is_told(volume, tmp_path):
     scenes.add_camera((4.0, 4.0, 30.0))
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     bpy.data.images.remove(bpy.context.scene.rle_splat.composite_image)
     scenes.rendered(tmp_path / "gone.exr")
     assert "click Show in Renders again" in bpy.context.scene.rle_splat.message
@@ -142,7 +142,7 @@ def test_a_deleted_picture_is_told(volume, tmp_path):
 
 def test_nodes_deleted_by_hand_are_told(volume, bridge, tmp_path):
     scenes.add_camera((4.0, 4.0, 30.0))
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     tree = bridge("versions").compositor_tree(bpy.context.scene)
     for node in [node for node in tree.nodes if node.bl_idname == "CompositorNodeAlphaOver"]:
         tree.nodes.remove(node)
@@ -158,7 +158,7 @@ def test_a_compositor_that_would_abort_blender(volume, bridge, monkeypatch):
     scenes.add_camera((4.0, 4.0, 30.0))
     bpy.context.scene.render.compositor_device = "GPU"
     monkeypatch.setattr(bridge("versions").ctypes, "CDLL", no_library)
-    assert "libegl1" in refusal("composite")
+    assert "libegl1" in refusal("show_in_renders")
 
 
 def test_numba_missing_is_told_in_panel_and_report(volume, core, monkeypatch):
@@ -183,5 +183,5 @@ def test_an_empty_transfer_function(volume, tmp_path, content, words):
     path = tmp_path / "empty.json"
     path.write_text(content)
     before = volume.rle_splat.transfer_name
-    assert words in refusal("load_transfer", filepath=str(path))
+    assert words in refusal("load_transfer_function", filepath=str(path))
     assert volume.rle_splat.transfer_name == before

@@ -74,7 +74,7 @@ def test_each_is_refused_in_a_sentence(scan, bad, bridge, refused, tmp_path):
     for number, (name, (write, words)) in enumerate(bad.items()):
         path = write(tmp_path / str(number))
         words = {"several series": "There are 2 series; set series to the number of one"}.get(name, words)
-        for operator in (bpy.ops.rle_splat.import_volume, bpy.ops.rle_splat.relocate):
+        for operator in (bpy.ops.rle_splat.import_volume, bpy.ops.rle_splat.relocate_volume):
             refused(operator, words, filepath=str(path))
             assert scene_as_it_is() == before, name
     assert bridge("volumes.volumes").load_volume(scan) is voxels, "the voxels are those in memory, too"

@@ -74,7 +74,7 @@ def test_the_resolution_can_be_chosen_and_light_left_to_cycles(grids_in_cycles, 
 
 def test_what_would_be_shown_twice_is_said(ball, tmp_path, capfd):
     add_white_floor(9.0)
-    assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+    assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
     bake(tmp_path)
     assert "twice" in capfd.readouterr().out
 

@@ -18,7 +18,7 @@ def owner(addon, tmp_path):
 
 def add(owner, kind="BOX"):
     scenes.activate(owner)
-    assert bpy.ops.rle_splat.add_clip(kind=kind) == {"FINISHED"}
+    assert bpy.ops.rle_splat.add_cutting_object(kind=kind) == {"FINISHED"}
     scenes.update()
     return bpy.context.view_layer.objects.active
 
@@ -45,14 +45,14 @@ def test_a_box_fits_the_visible_part(addon, tmp_path, refused):
     voxels[4:6, 3:5, 2:8] = 100
     owner = scenes.import_raw(tmp_path, voxels)
     scenes.load_color(tmp_path, scenes.RED)
-    assert bpy.ops.rle_splat.add_clip(kind="BOX", fit="VISIBLE") == {"FINISHED"}
+    assert bpy.ops.rle_splat.add_cutting_object(kind="BOX", fit="VISIBLE") == {"FINISHED"}
     scenes.update()
     found = corners(bpy.context.view_layer.objects.active)
     np.testing.assert_allclose(found.min(axis=0), (1, 2, 3), atol=1e-5)
     np.testing.assert_allclose(found.max(axis=0), (8, 5, 6), atol=1e-5)
     scenes.activate(owner)
     scenes.lower_curve(owner)
-    refused(bpy.ops.rle_splat.add_clip, "shows no voxel", kind="BOX", fit="VISIBLE")
+    refused(bpy.ops.rle_splat.add_cutting_object, "shows no voxel", kind="BOX", fit="VISIBLE")
 
 
 def test_it_moves_with_its_volume_and_with_the_scene_scale(owner):
@@ -173,10 +173,10 @@ def test_a_ring_tilts_a_plane_about_its_own_axis(owner, bridge, mode, mirrored):
 
 
 def test_clip_to_view_faces_the_camera_in_background_mode(owner, refused):
-    refused(bpy.ops.rle_splat.clip_to_view, "no 3D viewport and no active camera")
+    refused(bpy.ops.rle_splat.cut_along_view, "no 3D viewport and no active camera")
     camera = scenes.add_camera((20.0, 15.0, 30.0), (0.4, 0.5, 0.3))
     scenes.update()
-    assert bpy.ops.rle_splat.clip_to_view() == {"FINISHED"}
+    assert bpy.ops.rle_splat.cut_along_view() == {"FINISHED"}
     plane = bpy.context.view_layer.objects.active
     scenes.update()
     axes = np.array(camera.matrix_world)[:3, :3]
@@ -192,15 +192,15 @@ def test_clip_to_view_at_the_cursor_moves_the_active_plane(owner, refused):
     camera = scenes.add_camera((MIDDLE, MIDDLE, 30.0))
     bpy.context.scene.cursor.location = (1.0, 2.0, 20.0)
     scenes.update()
-    refused(bpy.ops.rle_splat.clip_to_view, "before or behind all of", through="CURSOR")
+    refused(bpy.ops.rle_splat.cut_along_view, "before or behind all of", through="CURSOR")
     bpy.context.scene.cursor.location = (1.0, 2.0, 6.0)
-    assert bpy.ops.rle_splat.clip_to_view(through="CURSOR") == {"FINISHED"}
+    assert bpy.ops.rle_splat.cut_along_view(through="CURSOR") == {"FINISHED"}
     plane = bpy.context.view_layer.objects.active
     scenes.update()
     assert plane.matrix_world.translation.z == pytest.approx(6.0, abs=1e-5)
     camera.location, camera.rotation_euler = (30.0, MIDDLE, MIDDLE), (0.0, np.pi / 2, 0.0)
     scenes.update()
-    assert bpy.ops.rle_splat.clip_to_view(through="CURSOR") == {"FINISHED"}
+    assert bpy.ops.rle_splat.cut_along_view(through="CURSOR") == {"FINISHED"}
     scenes.update()
     assert bpy.context.scene.rle_splat.clip_objects.objects.values() == [plane]
     assert plane.matrix_world.translation.x == pytest.approx(1.0, abs=1e-5)

@@ -48,7 +48,7 @@ def put(kind, location, size=1.0):
 
 def test_a_fitted_box_cuts_nothing_until_it_is_moved(settings):
     assert depth_at(4, 4) == pytest.approx(N - 1, abs=0.05) and reason(settings)["on"] is False
-    assert bpy.ops.rle_splat.add_clip(kind="BOX") == {"FINISHED"}
+    assert bpy.ops.rle_splat.add_cutting_object(kind="BOX") == {"FINISHED"}
     box = bpy.context.view_layer.objects.active
     assert box.type == "EMPTY" and box.name in settings.clip_objects.objects
     assert depth_at(4, 4) == pytest.approx(N - 1, abs=0.05)
@@ -65,7 +65,7 @@ def test_a_fitted_box_cuts_nothing_until_it_is_moved(settings):
 def test_an_arrow_points_at_what_is_cut_away(settings):
     bpy.ops.object.select_all(action="DESELECT")
     bpy.context.view_layer.objects.active = None
-    assert bpy.ops.rle_splat.add_clip(kind="PLANE") == {"FINISHED"}
+    assert bpy.ops.rle_splat.add_cutting_object(kind="PLANE") == {"FINISHED"}
     arrow = bpy.context.view_layer.objects.active
     assert arrow.empty_display_type == "SINGLE_ARROW"
     arrow.location.z = 5.5

@@ -85,7 +85,7 @@ def test_meshes_in_front_inside_and_behind(volume, tmp_path):
     strip(2.0, 3.5, 4.0, inside)
     strip(4.0, 5.5, 2.3, cut)  # between two slices: a fractional last slab
     strip(6.0, 7.0, -5.0, behind)
-    assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+    assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
     picture = scenes.rendered(tmp_path / "out.exr")
 
     expected = {0.8: over(0.0, front, 1.0), 2.8: over(N - 0.5 - 4.0, inside, 1.0),
@@ -106,7 +106,7 @@ def test_holdouts_hide_the_volume_behind_them_and_show_nothing_of_themselves(vol
     collection.objects.link(by_layer)
     bpy.context.view_layer.layer_collection.children["held out"].holdout = True
     strip(-2.0, 10.0, -5.0, (0.1, 0.1, 1.0))  # behind all
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     picture = scenes.rendered(tmp_path / "out.exr")
     for x, rgba in {2.8: over(N - 0.5 - 4.0), 4.8: over(N - 0.5 - 2.3), 7.5: over(N, (0.1, 0.1, 1.0), 1.0)}.items():
         np.testing.assert_allclose(picture[32, column_of(x)], rgba, atol=TOLERANCE, err_msg=f"at x = {x}")
@@ -116,7 +116,7 @@ def test_a_silhouette_inside_the_volume_is_antialiased(volume, tmp_path):
     pixel = VIEW / 64
     covered = 6 / 16  # of column 40
     strip(0.0, 4.0 + (40 + covered - 32) * pixel, 4.0, (0.0, 0.0, 0.0))
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     scenes.rendered(tmp_path / "out.exr")
     alpha = scenes.image_pixels(bpy.context.scene.rle_splat.composite_image)[32, :, 3]
     near, far = over(N - 0.5 - 4.0)[3], over(N)[3]
@@ -139,7 +139,7 @@ def test_hidden_and_instanced_meshes(volume, tmp_path):
     instancer.instance_type, instancer.instance_collection = "COLLECTION", collection
     instancer.location = (6.0, 0.0, 3.0)
     bpy.context.scene.collection.objects.link(instancer)
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     picture = scenes.rendered(tmp_path / "out.exr")
     np.testing.assert_allclose(picture[32, column_of(1.0)], over(N), atol=TOLERANCE)
     np.testing.assert_allclose(picture[32, column_of(3.0)], over(N), atol=TOLERANCE)
@@ -152,7 +152,7 @@ def test_render_settings_of_modifiers_count(volume, tmp_path):
     modifier = mesh_object.modifiers.new("down", "DISPLACE")
     modifier.direction, modifier.mid_level, modifier.strength = "Z", 0.0, -16.0
     modifier.show_viewport, modifier.show_render = False, True
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     picture = scenes.rendered(tmp_path / "out.exr")
     np.testing.assert_allclose(picture[32, 32], over(N - 0.5 - 4.0, (0.0, 1.0, 0.0), 1.0), atol=TOLERANCE)
 
@@ -162,15 +162,15 @@ def test_the_users_nodes_stay(volume, bridge, tmp_path):
     names = sorted(node.name for node in tree.nodes)
     strip(-2.0, 10.0, -5.0, (0.2, 0.2, 0.2), -4.0, 12.0)
 
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     once = links_of(tree)
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     assert links_of(tree) == once and len(tree.nodes) == len(names) + 2
     picture = scenes.rendered(tmp_path / "out.exr")
     expected = np.array((2.0, 2.0, 2.0, 1.0)) * over(N, (0.2, 0.2, 0.2), 1.0)
     np.testing.assert_allclose(picture[32, 32], expected, atol=2.0 * TOLERANCE)
 
-    assert bpy.ops.rle_splat.remove_composite() == {"FINISHED"}
+    assert bpy.ops.rle_splat.remove_from_renders() == {"FINISHED"}
     assert links_of(tree) == before and sorted(node.name for node in tree.nodes) == names
     assert bridge("versions").compositor_tree(bpy.context.scene) == tree
     np.testing.assert_allclose(scenes.rendered(tmp_path / "out.exr")[32, 32], (0.4, 0.4, 0.4, 1.0), atol=1e-5)
@@ -193,7 +193,7 @@ def test_the_volume_alone_is_a_layer_for_a_file_output(volume, bridge, tmp_path)
     """What the Image node holds in a render: the volume without what meshes hide, premultiplied; grading it by a node
     before Alpha Over leaves the meshes alone."""
     strip(-2.0, (N - 1) / 2, 20.0, (0.2, 0.2, 0.2), -4.0, 12.0)
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     tree = bridge("versions").compositor_tree(bpy.context.scene)
     alone = next(node for node in tree.nodes if node.label == "RLE Splat")
     behind = alone.outputs["Image"].links[0].to_socket
@@ -242,7 +242,7 @@ def test_all_outputs_that_show_the_render_show_the_volume(volume, bridge, tmp_pa
 
     if wired == "before":
         wire()
-    assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+    assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
     if wired != "before":
         wire()
     if wired != "after, by a script":
@@ -254,8 +254,8 @@ def test_all_outputs_that_show_the_render_show_the_volume(volume, bridge, tmp_pa
         (found,) = [path for path in tmp_path.glob("*.exr") if path.name != "out.exr"]
         np.testing.assert_allclose(scenes.load_pixels(found)[32, 32, 3], over(N)[3], atol=TOLERANCE)
         assert scene.rle_splat.render_problem == ""
-        assert bpy.ops.rle_splat.composite() == {"FINISHED"}
-    assert bpy.ops.rle_splat.remove_composite() == {"FINISHED"}
+        assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
+    assert bpy.ops.rle_splat.remove_from_renders() == {"FINISHED"}
     assert links_of(tree) == sorted(links)
 
 
@@ -269,16 +269,16 @@ def test_the_picture_comes_after_nodes_that_mix_passes(volume, bridge, tmp_path)
     tree.links.new(layers.outputs["Alpha"], mixed.inputs["Alpha"])
     tree.links.new(mixed.outputs[0], exposure.inputs[0])
     before = links_of(tree)
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     np.testing.assert_allclose(scenes.rendered(tmp_path / "out.exr")[32, 32, 3], over(N)[3], atol=TOLERANCE)
-    bpy.ops.rle_splat.remove_composite()
+    bpy.ops.rle_splat.remove_from_renders()
     assert links_of(tree) == before
 
 
 def test_an_output_that_lacks_the_volume_is_said(volume, bridge, tmp_path):
     """A node before ours that the user put there, and that feeds a file, too."""
     tree, _ = make_user_tree(bridge("versions"))
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     exposure, over_node = (next(node for node in tree.nodes if node.bl_idname == f"CompositorNode{kind}")
                            for kind in ("Exposure", "AlphaOver"))  # fmt: skip
     target, source = exposure.outputs[0].links[0].to_socket, color_inputs(over_node)[0].links[0].from_socket
@@ -290,7 +290,7 @@ def test_an_output_that_lacks_the_volume_is_said(volume, bridge, tmp_path):
     assert bpy.context.scene.rle_splat.render_problem == (
         "The compositor's node 'File Output' shows the render without the volume; click Show in Renders again."
     )
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     scenes.rendered(tmp_path / "out.exr")
     (found,) = [path for path in tmp_path.glob("*.exr") if path.name != "out.exr"]
     assert bpy.context.scene.rle_splat.render_problem == ""
@@ -299,15 +299,15 @@ def test_an_output_that_lacks_the_volume_is_said(volume, bridge, tmp_path):
 
 def test_torn_nodes_are_mended(volume, bridge, tmp_path):
     tree, before = make_user_tree(bridge("versions"))
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     whole = links_of(tree)
     picture_node = next(node for node in tree.nodes if node.bl_idname == "CompositorNodeImage")
     tree.nodes.remove(picture_node)
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     assert len(links_of(tree)) == len(whole)
     expected = np.array((2.0, 2.0, 2.0, 1.0)) * over(N)
     np.testing.assert_allclose(scenes.rendered(tmp_path / "out.exr")[32, 32], expected, atol=2.0 * TOLERANCE)
-    bpy.ops.rle_splat.remove_composite()
+    bpy.ops.rle_splat.remove_from_renders()
     assert links_of(tree) == before
 
 
@@ -315,13 +315,13 @@ def test_without_a_compositor_one_is_made_and_taken_away(volume, bridge):
     versions, scene = bridge("versions"), bpy.context.scene
     scene.render.use_lock_interface = False
     assert versions.compositor_tree(scene) is None
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     assert versions.compositor_tree(scene) is not None
     assert scene.render.use_lock_interface
-    bpy.ops.rle_splat.remove_composite()
+    bpy.ops.rle_splat.remove_from_renders()
     assert versions.compositor_tree(scene) is None
     assert not scene.render.use_lock_interface
-    assert not bpy.ops.rle_splat.remove_composite.poll()
+    assert not bpy.ops.rle_splat.remove_from_renders.poll()
 
 
 def test_an_unlinked_output_keeps_its_color(volume, bridge, tmp_path):
@@ -330,10 +330,10 @@ def test_an_unlinked_output_keeps_its_color(volume, bridge, tmp_path):
     versions.add_output_socket(tree)
     output = tree.nodes.new(versions.OUTPUT_NODE)
     color_inputs(output)[0].default_value = (0.0, 0.3, 0.0, 1.0)
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     over_node = next(node for node in tree.nodes if node.bl_idname == "CompositorNodeAlphaOver")
     assert tuple(color_inputs(over_node)[0].default_value) == pytest.approx((0.0, 0.3, 0.0, 1.0))
-    bpy.ops.rle_splat.remove_composite()
+    bpy.ops.rle_splat.remove_from_renders()
     assert tuple(color_inputs(output)[0].default_value) == pytest.approx((0.0, 0.3, 0.0, 1.0))
 
 
@@ -342,7 +342,7 @@ def test_a_compositor_shared_with_another_scene_is_copied(volume, bridge):
     tree, before = make_user_tree(bridge("versions"))
     other = bpy.data.scenes.new("other")
     other.compositing_node_group = tree
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     assert other.compositing_node_group == tree and links_of(tree) == before
     assert bpy.context.scene.compositing_node_group != tree
 
@@ -361,9 +361,9 @@ def test_of_several_effects_the_first_gets_the_picture(volume, bridge):
         begin = tree.nodes.new("NodeGroupInput" if effect == second else "CompositorNodeRLayers")
         tree.links.new(begin.outputs[0], tree.nodes.new("NodeGroupOutput").inputs[0])
     counts = {name: len(tree.nodes) for name, tree in trees.items()}
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     assert {name for name, tree in trees.items() if len(tree.nodes) > counts[name]} == {"first"}
-    bpy.ops.rle_splat.remove_composite()
+    bpy.ops.rle_splat.remove_from_renders()
     assert {name: len(tree.nodes) for name, tree in trees.items()} == counts
 
 
@@ -373,15 +373,15 @@ def test_where_all_effects_are_off_one_is_made_and_taken_away(volume):
     off = effects.new(name="off")
     off.node_group, off.enable_for_render = bpy.data.node_groups.new("off", "CompositorNodeTree"), False
     groups = set(bpy.data.node_groups)
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     assert [effect.name for effect in effects] == ["off", "RLE Splat"] and not off.node_group.nodes
-    bpy.ops.rle_splat.remove_composite()
+    bpy.ops.rle_splat.remove_from_renders()
     assert [effect.name for effect in effects] == ["off"] and set(bpy.data.node_groups) == groups
 
 
 def test_the_picture_follows_the_render_size_and_region(volume, tmp_path):
     strip(2.0, 3.5, 4.0, (0.1, 1.0, 0.1))
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     render = bpy.context.scene.render
     whole = scenes.rendered(tmp_path / "whole.exr")
     render.use_border = render.use_crop_to_border = True
@@ -399,7 +399,7 @@ def test_the_picture_follows_the_render_size_and_region(volume, tmp_path):
 
 def test_a_cropped_render_region_is_splatted_alone_and_to_the_bit(volume):
     """The picture that is laid over the render: the same pixels as of the whole frame, from a part of the sheets."""
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     scene = bpy.context.scene
     render, settings = scene.render, scene.rle_splat
 
@@ -424,7 +424,7 @@ def test_a_cropped_render_region_is_splatted_alone_and_to_the_bit(volume):
 
 
 def test_a_render_region_that_is_not_cropped(volume, tmp_path):
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     render = bpy.context.scene.render
     render.use_border, render.use_crop_to_border = True, False
     render.border_min_x, render.border_max_x = 16 / 64, 56 / 64
@@ -435,7 +435,7 @@ def test_a_render_region_that_is_not_cropped(volume, tmp_path):
 
 
 def test_a_hidden_volume_is_not_composited(volume, tmp_path):
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     assert scenes.rendered(tmp_path / "seen.exr")[32, 32, 3] > 0.3
     volume.hide_render = True
     assert np.abs(scenes.rendered(tmp_path / "hidden.exr")).max() == 0.0
@@ -446,9 +446,9 @@ def test_removing_a_composite_leaves_no_picture_behind(volume, bridge):
         return [image for image in bpy.data.images if bridge("pictures.images").MARK in image]
 
     for _ in range(3):
-        bpy.ops.rle_splat.composite()
+        bpy.ops.rle_splat.show_in_renders()
         assert len(pictures()) == 1
-        bpy.ops.rle_splat.remove_composite()
+        bpy.ops.rle_splat.remove_from_renders()
         assert pictures() == []
 
 
@@ -461,7 +461,7 @@ def test_without_a_composite_renders_are_left_alone(volume, tmp_path):
 def test_over_a_world(volume, tmp_path):
     scenes.use_cycles(transparent=False)
     scenes.gray_world(0.5)
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     picture = scenes.rendered(tmp_path / "out.exr")
     np.testing.assert_allclose(picture[32, 32], over(N, (0.5, 0.5, 0.5), 1.0), atol=TOLERANCE)
 
@@ -477,7 +477,9 @@ def test_a_compositor_saved_by_version_0_1_0_goes_on(bridge, tmp_path):
     np.testing.assert_allclose(scenes.image_pixels(image), before, atol=1e-6)
     nodes = len(tree.nodes)
     bpy.context.view_layer.objects.active = scene.rle_splat.composite_object
-    assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+    assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
     assert len(tree.nodes) == nodes and scene.rle_splat.composite_image == image
     np.testing.assert_array_equal(scenes.rendered(tmp_path / "out.exr"), before)
-    assert bpy.ops.rle_splat.remove_composite() == {"FINISHED"} and not bridge("render.compositor").is_inserted(scene)
+    assert bpy.ops.rle_splat.remove_from_renders() == {"FINISHED"} and not bridge("render.compositor").is_inserted(
+        scene
+    )

@@ -26,13 +26,13 @@ def owner(addon, tmp_path):
 
 def add_cut(owner, kind="PLANE", keep="INSIDE"):
     scenes.activate(owner)
-    assert bpy.ops.rle_splat.add_clip(kind=kind, keep=keep) == {"FINISHED"}
+    assert bpy.ops.rle_splat.add_cutting_object(kind=kind, keep=keep) == {"FINISHED"}
     return bpy.context.view_layer.objects.active
 
 
 def click(owner):
     scenes.activate(owner)
-    assert bpy.ops.rle_splat.gray_on_cut() == {"FINISHED"}
+    assert bpy.ops.rle_splat.gray_values_on_cut() == {"FINISHED"}
 
 
 def slices_of(cut):
@@ -172,13 +172,13 @@ def test_they_end_with_their_cut_and_with_their_volume(owner, bridge, lost):
 def test_deleting_a_cut_in_the_panel_removes_its_slices(owner):
     cut = add_cut(owner, "BOX")
     click(owner)
-    assert bpy.ops.rle_splat.delete_clip(name=cut.name) == {"FINISHED"}
+    assert bpy.ops.rle_splat.delete_cutting_object(name=cut.name) == {"FINISHED"}
     assert not any(one.rle_splat.is_slice for one in bpy.data.objects)
 
 
 def test_it_needs_a_cut_of_the_volume(owner, refused):
     scenes.activate(owner)
-    refused(bpy.ops.rle_splat.gray_on_cut, "Add a box or a plane that cuts the volume")
+    refused(bpy.ops.rle_splat.gray_values_on_cut, "Add a box or a plane that cuts the volume")
 
 
 def test_a_scroll_does_not_move_them_off_their_cut(owner):

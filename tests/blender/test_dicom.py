@@ -89,7 +89,7 @@ def test_an_rtstruct_fills_the_rows_of_segments(tmp_path, bridge, phantoms, refu
     from pydicom.dataset import Dataset
 
     phantoms.write_classic(tmp_path / "scan", phantoms.geometries()["axial"], change=with_place)
-    bpy.ops.rle_splat.import_folder(directory=str(tmp_path / "scan"))
+    bpy.ops.rle_splat.import_dicom_series(directory=str(tmp_path / "scan"))
     owner, volume = active(), loaded(bridge)
     dataset, drawn = Dataset(), Dataset()
     dataset.SOPClassUID = "1.2.840.10008.5.1.4.1.1.481.3"
@@ -107,13 +107,13 @@ def test_an_rtstruct_fills_the_rows_of_segments(tmp_path, bridge, phantoms, refu
     dataset.ReferencedFrameOfReferenceSequence = phantoms.one(SeriesInstanceUID=scan.SeriesInstanceUID)
     path = phantoms.save(dataset, tmp_path / "structures.dcm")
     owner.rle_splat.label_file = str(path)
-    assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
+    assert bpy.ops.rle_splat.load_segments() == {"FINISHED"}
     assert [(row.label, row.label_name) for row in owner.rle_splat.labels] == [(0, "Background"), (3, "heart")]
     assert tuple(owner.rle_splat.labels[1].color) == (1.0, 0.0, 0.0)
     found = bridge("volumes.labels").file_of(owner).key(volume)
     assert (bridge("loop.store").find(found).volume.voxels == 3).sum() == 5 * 6
     refused(bpy.ops.rle_splat.import_volume, "read the file as labels", filepath=str(path))
-    bpy.ops.rle_splat.import_folder(directory=str(tmp_path / "scan"), use_segments=True)
+    bpy.ops.rle_splat.import_dicom_series(directory=str(tmp_path / "scan"), use_segments=True)
     heart = active().rle_splat.labels[1]
     assert (heart.label_name, heart.look, heart.use_color) == ("heart", "SOLID", True)
     assert tuple(heart.color) != (1.0, 0.0, 0.0), "the color of atlases"

@@ -174,7 +174,7 @@ def test_the_backdrop_shows_a_draft_and_is_put_back(volume, slow, start):
     own = camera.background_images.new()
     own.image = bpy.data.images.new("blueprint", 4, 4)
     options = dict(place="FRONT", follow=False)
-    operator, window = start("set_backdrop", **options)
+    operator, window = start("preview_in_camera_view", **options)
     while not operator._is_draft_shown:
         operator.modal(window, TIMER)
     assert [entry.image.name for entry in camera.background_images] == ["blueprint", "ball Splat Backdrop"]
@@ -182,12 +182,12 @@ def test_the_backdrop_shows_a_draft_and_is_put_back(volume, slow, start):
     assert [entry.image.name for entry in camera.background_images] == ["blueprint"]
     assert not camera.show_background_images and bpy.data.images.get("ball Splat Backdrop") is None
 
-    bpy.ops.rle_splat.set_backdrop(place="BACK")
+    bpy.ops.rle_splat.preview_in_camera_view(place="BACK")
     entry = camera.background_images[1]
     entry.alpha = 0.5
     former = scenes.image_pixels(entry.image)
     volume.location.x += 7.0
-    operator, window = start("set_backdrop", **options)
+    operator, window = start("preview_in_camera_view", **options)
     while not operator._is_draft_shown:
         operator.modal(window, TIMER)
     assert not np.array_equal(scenes.image_pixels(entry.image), former), "no draft in the image"
@@ -196,19 +196,19 @@ def test_the_backdrop_shows_a_draft_and_is_put_back(volume, slow, start):
     assert (entry.display_depth, entry.alpha) == ("BACK", 0.5)
     np.testing.assert_array_equal(scenes.image_pixels(entry.image), former)
 
-    operator, window = start("set_backdrop", **options)
+    operator, window = start("preview_in_camera_view", **options)
     done, shown = run(operator, window, lambda: scenes.image_pixels(bpy.data.images["ball Splat Backdrop"]))
     assert done == {"FINISHED"} and len(shown) == 1
     made = scenes.image_pixels(bpy.data.images["ball Splat Backdrop"])
-    bpy.ops.rle_splat.set_backdrop(**options)
+    bpy.ops.rle_splat.preview_in_camera_view(**options)
     np.testing.assert_array_equal(scenes.image_pixels(bpy.data.images["ball Splat Backdrop"]), made)
 
 
 def test_a_draft_of_another_volume_is_shown_in_the_place_of_the_first(volume, slow, start, tmp_path):
     camera = bpy.context.scene.camera.data
-    bpy.ops.rle_splat.set_backdrop(place="BACK")
+    bpy.ops.rle_splat.preview_in_camera_view(place="BACK")
     scenes.import_raw(tmp_path, np.full((40, 40, 40), 90, np.uint8), name="box")
-    operator, window = start("set_backdrop", place="FRONT")
+    operator, window = start("preview_in_camera_view", place="FRONT")
     while not operator._is_draft_shown:
         operator.modal(window, TIMER)
     assert [entry.image.name for entry in camera.background_images] == ["box Splat Backdrop"]
@@ -235,7 +235,7 @@ def test_scripts_and_background_mode_have_none(volume, slow, bridge, monkeypatch
     monkeypatch.setattr(bridge("scene.render_scene"), "drafted_steps", lambda *_, **__: pytest.fail("a draft is made"))
     for how in ("EXEC_DEFAULT", "INVOKE_DEFAULT"):
         assert bpy.ops.rle_splat.render_image(how) == {"FINISHED"}
-        assert bpy.ops.rle_splat.set_backdrop(how) == {"FINISHED"}
+        assert bpy.ops.rle_splat.preview_in_camera_view(how) == {"FINISHED"}
 
 
 @pytest.fixture
@@ -246,7 +246,7 @@ def timeline(volume, slow, bridge, monkeypatch):
         camera.location.x = x
         camera.keyframe_insert("location", frame=frame)
     scene.frame_set(1)
-    bpy.ops.rle_splat.set_backdrop(follow=True)
+    bpy.ops.rle_splat.preview_in_camera_view(follow=True)
     monkeypatch.setattr(bridge("pictures.update"), "_is_moving", lambda: True)
     monkeypatch.setattr(bpy.app.timers, "register", lambda *_args, **_options: None)  # the test ticks by itself
     yield work
@@ -291,10 +291,10 @@ def test_the_next_frame_drops_what_is_not_done(timeline):
     scene.frame_set(2)
     scene.frame_set(3)
     shown = tick(timeline)
-    bpy.ops.rle_splat.set_backdrop(follow=True)
+    bpy.ops.rle_splat.preview_in_camera_view(follow=True)
     np.testing.assert_array_equal(backdrop_pixels(), shown[-1])
     scene.frame_set(1)
-    bpy.ops.rle_splat.set_backdrop(follow=True)  # the operator's own picture stays
+    bpy.ops.rle_splat.preview_in_camera_view(follow=True)  # the operator's own picture stays
     made = backdrop_pixels()
     assert timeline._tick() is None
     np.testing.assert_array_equal(backdrop_pixels(), made)

@@ -87,7 +87,7 @@ def test_it_looks_like_the_scan(scan, encode, kind):
 def test_the_header_and_import_folder_mean_the_folder(encode):
     path = encode("pre")
     by_header = imported(path / "header.json")
-    assert bpy.ops.rle_splat.import_folder(directory=str(path)) == {"FINISHED"}
+    assert bpy.ops.rle_splat.import_dicom_series(directory=str(path)) == {"FINISHED"}
     by_folder = bpy.context.view_layer.objects.active
     assert by_header.rle_splat.data_key == by_folder.rle_splat.data_key != ""
     assert by_folder.rle_splat.facts.startswith("File: pre.rle\nEncoded: pre-classified\n")
@@ -104,10 +104,10 @@ def test_it_is_pinned_composited_and_survives_a_reload(scan, encode, kind, tmp_p
     bpy.data.objects.remove(scan)
     name, camera = owner.name, bpy.context.scene.camera.name
     first = picture_of(owner)
-    assert bpy.ops.rle_splat.set_backdrop() == {"FINISHED"}
+    assert bpy.ops.rle_splat.preview_in_camera_view() == {"FINISHED"}
     np.testing.assert_array_equal(scenes.backdrop_of(bpy.data.objects[camera]), first)
     scenes.use_cycles((32, 24))
-    assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+    assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
     scenes.save_and_reload(tmp_path / "scene.blend")
     owner = bpy.data.objects[name]
     assert scenes.stored(tmp_path / "scene.blend", "objects", name).rle_splat.filepath.startswith("//")
@@ -133,13 +133,13 @@ def test_it_is_reloaded_and_relocated(encode, kind, tmp_path):
     path = encode(kind)
     owner = imported(path)
     before, moved = picture_of(owner), tmp_path / "moved.rle"
-    assert bpy.ops.rle_splat.reload(use_dialog=False) == {"FINISHED"}
+    assert bpy.ops.rle_splat.reload_volume(use_dialog=False) == {"FINISHED"}
     if os.name != "nt":
         path.rename(moved)
     else:  # which lets nobody move a mapped file
         (shutil.copytree if path.is_dir() else shutil.copy)(path, moved)
     chosen = moved if kind == "file" else moved / "header.json"
-    assert bpy.ops.rle_splat.relocate(filepath=str(chosen), use_dialog=False) == {"FINISHED"}
+    assert bpy.ops.rle_splat.relocate_volume(filepath=str(chosen), use_dialog=False) == {"FINISHED"}
     np.testing.assert_array_equal(picture_of(owner), before)
 
 
@@ -181,8 +181,8 @@ def test_a_viewport_drafts_a_large_folder_in_larger_voxels(encode, bridge, core,
 
 
 NEEDS_VALUES = {
-    "apply_preset": dict(preset="ct-bone"), "load_transfer": dict(filepath="any.json"), "window_level": dict(),
-    "keyframe_transfer": dict(), "add_slice": dict(), "extract_surface": dict(), "add_channels": dict(),
+    "apply_preset": dict(preset="ct-bone"), "load_transfer_function": dict(filepath="any.json"), "window_level": dict(),
+    "keyframe_transfer_function": dict(), "add_slice": dict(), "extract_surface": dict(), "add_channels": dict(),
     "import_channel": dict(filepath="any.raw"),
     "measure_accuracy": dict(), "shadow_pass": dict(), "bake_volume": dict(filepath="any.vdb"),
     "save_figure": dict(filepath="any.svg"),
@@ -195,8 +195,8 @@ def test_what_needs_values_is_grayed_and_says_why(encode, refused):
         operator = getattr(bpy.ops.rle_splat, name)
         assert not operator.poll(), name
         refused(operator, "holds classified voxels and no values (.rle)", **options)
-    refused(bpy.ops.rle_splat.add_clip, "choose Whole Volume", kind="BOX", fit="VISIBLE")
-    assert bpy.ops.rle_splat.add_clip(kind="BOX") == {"FINISHED"}
+    refused(bpy.ops.rle_splat.add_cutting_object, "choose Whole Volume", kind="BOX", fit="VISIBLE")
+    assert bpy.ops.rle_splat.add_cutting_object(kind="BOX") == {"FINISHED"}
 
 
 @pytest.mark.parametrize("setting", [{"mode": "mip"}, {"max_error": 2.0}])
@@ -301,4 +301,4 @@ def test_an_unfinished_folder(encode, refused, tmp_path):
     unfinished = tmp_path / ".pre.rle.unfinished"
     path.rename(unfinished)
     (unfinished / "header.json").rename(unfinished / "journal")
-    refused(bpy.ops.rle_splat.import_folder, "its encoding was interrupted", directory=str(unfinished))
+    refused(bpy.ops.rle_splat.import_dicom_series, "its encoding was interrupted", directory=str(unfinished))

@@ -75,7 +75,7 @@ def test_presets_are_compared(ball, tmp_path):
     labels = tmp_path / "labels.raw"
     labels.write_bytes((np.indices(BALL.shape)[2] // 6).astype(np.uint8).tobytes())
     ball.rle_splat.label_file = str(labels)
-    assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
+    assert bpy.ops.rle_splat.load_segments() == {"FINISHED"}
     ball.rle_splat.labels[1].use_color = True
     save(tmp_path / "fig.svg", compare="ct-bone, ct-skin", width_cm=4.0)
     texts = texts_of(tmp_path / "fig.svg")
@@ -93,7 +93,7 @@ def test_labels_and_channels_are_made_again_from_a_moved_folder(ball, core, tmp_
     labels = folder / "labels.raw"
     labels.write_bytes((np.indices(BALL.shape)[2] // 4).astype(np.uint8).tobytes())
     ball.rle_splat.label_file = str(labels)
-    assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
+    assert bpy.ops.rle_splat.load_segments() == {"FINISHED"}
     for row, color in zip(ball.rle_splat.labels, ((0.9, 0.1, 0.1), (0.1, 0.8, 0.2), None)):
         row.label_name, row.show = "Of a patient", color is not None
         if color is not None:

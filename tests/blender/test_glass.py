@@ -110,7 +110,7 @@ def test_a_lid_of_glass_tints_every_picture(volume, tmp_path):
     assert bpy.ops.rle_splat.list_effects() == {"FINISHED"}
     rows = bpy.context.scene.rle_splat.effect_rows
     assert rows["glass"].on and not rows["mesh occlusion"].on
-    assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+    assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
     scenes.rendered(tmp_path / "frame.exr")
     settings = bpy.context.scene.rle_splat
     np.testing.assert_allclose(scenes.image_pixels(settings.composite_image), alone * (*GREEN, 1.0), atol=1e-6)

@@ -202,7 +202,7 @@ def test_once_the_file_is_saved_the_working_color_space_can_change(volume, tmp_p
     """
     scenes.use_cycles((40, 40))
     change = partial(bpy.ops.wm.set_working_color_space, working_space="ACEScg")
-    for make in ("render_image", "composite"):
+    for make in ("render_image", "show_in_renders"):
         assert getattr(bpy.ops.rle_splat, make)() == {"FINISHED"}
     scenes.rendered(tmp_path / "out.exr")
     before = scenes.image_pixels(bpy.context.scene.rle_splat.image)

@@ -206,14 +206,14 @@ def test_moved_file_gives_one_sentence_and_relocate_heals_it(volume_object, phan
     volumes.forget_all()
     with pytest.raises(core("scene").RleSplatError, match="Relocate"):
         volumes.load_volume(volume_object)
-    assert bpy.ops.rle_splat.relocate(filepath=str(elsewhere)) == {"FINISHED"}
+    assert bpy.ops.rle_splat.relocate_volume(filepath=str(elsewhere)) == {"FINISHED"}
     np.testing.assert_array_equal(volumes.load_volume(volume_object).voxels, phantom[1])
 
 
 def test_relocate_to_a_file_that_does_not_fit_changes_nothing(volume_object, tmp_path, refused):
     (tmp_path / "small.raw").write_bytes(bytes(3))
     before = volume_object.rle_splat.filepath
-    refused(bpy.ops.rle_splat.relocate, "3", filepath=str(tmp_path / "small.raw"))
+    refused(bpy.ops.rle_splat.relocate_volume, "3", filepath=str(tmp_path / "small.raw"))
     assert volume_object.rle_splat.filepath == before
 
 

@@ -40,7 +40,7 @@ def reported():
 def test_labels_are_listed_hidden_and_colored(owner):
     rows = owner.rle_splat.labels
     before = scenes.picture()
-    assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
+    assert bpy.ops.rle_splat.load_segments() == {"FINISHED"}
     assert [(row.label, row.label_name) for row in rows] == [(0, "Background"), (3, "Segment 3")]
     np.testing.assert_array_equal(scenes.picture(), before)
     assert reported()["plan"]["classification"] == "post", "nothing asks for more than one transfer function"
@@ -58,7 +58,7 @@ def test_labels_are_listed_hidden_and_colored(owner):
     owner.rle_splat.smooth_labels = False
     assert np.abs(scenes.picture()[20:28] - hidden).max() > 0.02
     rows[1].label_name = "liver"
-    assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
+    assert bpy.ops.rle_splat.load_segments() == {"FINISHED"}
     assert rows[1].label_name == "liver" and not rows[1].show, "what was said of a label stays"
 
 
@@ -69,7 +69,7 @@ def test_label_maps_are_read_in_steps(owner, bridge):
     def forget_labels():
         store.withdraw([wish for wish in store._wanted if wish.purpose == "labels"])
 
-    assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
+    assert bpy.ops.rle_splat.load_segments() == {"FINISHED"}
     owner.rle_splat.labels[1].show = False
     assert loading.missing_steps(owner) is None and loading.is_at_hand(owner)
     for forget in (forget_labels, volumes.forget_all):
@@ -92,7 +92,7 @@ def test_label_maps_are_read_in_steps(owner, bridge):
 
 
 def test_a_label_file_that_is_gone_is_told_and_not_waited_for(owner, bridge, refused, tmp_path):
-    bpy.ops.rle_splat.read_labels()
+    bpy.ops.rle_splat.load_segments()
     owner.rle_splat.labels[1].show = False
     (tmp_path / "labels.raw").unlink()
     assert bridge("volumes.loading").is_at_hand(owner)
@@ -100,7 +100,7 @@ def test_a_label_file_that_is_gone_is_told_and_not_waited_for(owner, bridge, ref
 
 
 def test_a_preset_for_a_label(owner):
-    bpy.ops.rle_splat.read_labels()
+    bpy.ops.rle_splat.load_segments()
     owner.rle_splat.labels[1].look = "smoke"
     changed = scenes.picture()[20:28]
     np.testing.assert_allclose(changed[:, column_of(6.0), :3], changed[:, column_of(6.0), 3:] * COLOR, atol=0.01)
@@ -110,16 +110,16 @@ def test_a_preset_for_a_label(owner):
 def test_what_is_no_file_of_labels_is_refused_in_a_sentence(owner, refused, tmp_path):
     (tmp_path / "short.raw").write_bytes(bytes(17))
     owner.rle_splat.label_file = str(tmp_path / "short.raw")
-    refused(bpy.ops.rle_splat.read_labels, "one whole number for each")
+    refused(bpy.ops.rle_splat.load_segments, "one whole number for each")
     owner.rle_splat.label_file = str(tmp_path / "missing.raw")
-    refused(bpy.ops.rle_splat.read_labels, "choose the file")
+    refused(bpy.ops.rle_splat.load_segments, "choose the file")
     np.arange(N**3, dtype=np.uint16).tofile(tmp_path / "scan.raw")
     owner.rle_splat.label_file = str(tmp_path / "scan.raw")
-    refused(bpy.ops.rle_splat.read_labels, "729 different values")
+    refused(bpy.ops.rle_splat.load_segments, "729 different values")
 
 
 def test_the_path_of_the_labels_follows_the_blend(owner, tmp_path):
-    bpy.ops.rle_splat.read_labels()
+    bpy.ops.rle_splat.load_segments()
     owner.rle_splat.labels[1].show = False
     before = scenes.picture()
     folder = tmp_path / "elsewhere"
@@ -132,13 +132,13 @@ def test_the_path_of_the_labels_follows_the_blend(owner, tmp_path):
 
 def test_the_segments_of_another_file_take_nothing_of_those_before(owner, tmp_path):
     rows = owner.rle_splat.labels
-    bpy.ops.rle_splat.read_labels()
+    bpy.ops.rle_splat.load_segments()
     rows[1].label_name, rows[1].show, first = "liver", False, tuple(rows[1].color)
     other = np.zeros((N, N, N), np.uint8)
     other[:, :, :3], other[:, :, 6:] = 3, 4
     other.tofile(tmp_path / "other.raw")
     owner.rle_splat.label_file = str(tmp_path / "other.raw")
-    assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
+    assert bpy.ops.rle_splat.load_segments() == {"FINISHED"}
     assert [(row.label, row.label_name, row.show) for row in rows] == [
         (0, "Background", True), (3, "Segment 3", True), (4, "Segment 4", True)]  # fmt: skip
     colors = np.array([row.color for row in rows])
@@ -174,7 +174,7 @@ def test_an_import_shows_the_segments_beside_the_scan(size, hides, addon, tmp_pa
 
 
 def test_a_segment_fades_out_by_keyframes(owner):
-    bpy.ops.rle_splat.read_labels()
+    bpy.ops.rle_splat.load_segments()
     row, scene = owner.rle_splat.labels[1], bpy.context.scene
     for frame, opacity in ((1, 1.0), (10, 0.0)):
         row.opacity = opacity

@@ -69,7 +69,7 @@ def test_B38_every_edit_survives_save_and_reload(library, bridge, tmp_path, how)
     properties.labels[2].label_name = "liver"
     properties.channels[0].show = False
     properties.filepath, properties.label_file = "//other.raw", "//other_labels.raw"
-    assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
+    assert bpy.ops.rle_splat.load_segments() == {"FINISHED"}
     assert 7 in [row.label for row in properties.labels]
     curve = bridge("look.transfer_nodes").opacity_mapping(properties.transfer).curves[0]
     curve.points[0].location[1] = 0.125
@@ -88,7 +88,7 @@ def test_a_relocated_volume_stays_where_it_was_put(library, bridge, tmp_path, ho
     bring(library, how)
     mine = write_raw(tmp_path / "work" / "scan.raw", 100)
     (tmp_path / "work" / "more").mkdir()
-    assert bpy.ops.rle_splat.relocate(filepath=str(tmp_path / "work" / "scan.raw")) == {"FINISHED"}
+    assert bpy.ops.rle_splat.relocate_volume(filepath=str(tmp_path / "work" / "scan.raw")) == {"FINISHED"}
     before = shape_of(scan(), bridge)
     assert before["voxels"] == mine.tobytes()
     box = [tuple(v.co) for v in scan().instance_collection.objects[0].data.vertices]
@@ -105,12 +105,12 @@ def test_B40_edits_of_a_linked_volume_are_refused_in_a_sentence(library, bridge,
     activate(owner, other)
     before = shape_of(owner, bridge)
     edits = {
-        "apply_preset": {"preset": "mr-head"}, "relocate": {"filepath": str(tmp_path / "work" / "other.raw")},
+        "apply_preset": {"preset": "mr-head"}, "relocate_volume": {"filepath": str(tmp_path / "work" / "other.raw")},
         "window_level": {"center": 1.0, "width": 2.0}, "drag_window": {"center": 1.0, "width": 2.0},
-        "keyframe_transfer": {}, "own_transfer": {},
-        "load_transfer": {"filepath": str(tmp_path / "function.json")}, "apply_own_preset": {"name": "any"},
-        "read_labels": {}, "solo_label": {"label": 1}, "color_anatomy": {}, "add_channels": {},
-        "remove_channel": {"index": 0}, "remove_table": {}, "threshold_segment": {}, "change_segment": {},
+        "keyframe_transfer_function": {}, "make_single_user": {},
+        "load_transfer_function": {"filepath": str(tmp_path / "function.json")}, "apply_user_preset": {"name": "any"},
+        "load_segments": {}, "show_segment_alone": {"label": 1}, "color_by_anatomy": {}, "add_channels": {},
+        "remove_channel": {"index": 0}, "hide_table": {}, "threshold_segment": {}, "change_segment": {},
         "import_channel": {"filepath": str(tmp_path / "work" / "other.raw")},
     }  # fmt: skip
     for name, options in edits.items():
@@ -121,7 +121,7 @@ def test_B40_edits_of_a_linked_volume_are_refused_in_a_sentence(library, bridge,
         assert str(library.parent) not in str(caught.value)
     assert shape_of(owner, bridge) == before
     saved = tmp_path / "saved.json"
-    assert bpy.ops.rle_splat.save_transfer(filepath=str(saved)) == {"FINISHED"}, "reading is no edit"
+    assert bpy.ops.rle_splat.save_transfer_function(filepath=str(saved)) == {"FINISHED"}, "reading is no edit"
 
 
 @pytest.mark.parametrize("way", ["make local", "duplicate", "duplicate beside", "override made local"])
@@ -211,7 +211,7 @@ def test_an_override_keeps_its_edits_when_the_library_changes(library, bridge, t
     activate(scan())
     scan().rle_splat.opacity_scale = 0.375
     scan().rle_splat.label_file = str(library.parent / "other_labels.raw")  # 0, 2 and 7
-    assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
+    assert bpy.ops.rle_splat.load_segments() == {"FINISHED"}
     save(library)
     bpy.ops.wm.open_mainfile(filepath=work)
     properties = scan().rle_splat
@@ -283,12 +283,12 @@ def test_the_transfer_function_of_an_override(library, bridge):
     owner = bring(library, "override")
     before = transfer.read_transfer(owner)
     assert not linked.is_own(owner.rle_splat.transfer)
-    assert bpy.ops.rle_splat.own_transfer() == {"FINISHED"}
+    assert bpy.ops.rle_splat.make_single_user() == {"FINISHED"}
     assert linked.is_own(owner.rle_splat.transfer) and transfer.read_transfer(owner) == before
     owner = reopened()
     assert linked.is_own(owner.rle_splat.transfer) and transfer.read_transfer(owner) == before
     activate(owner)
-    assert not bpy.ops.rle_splat.own_transfer.poll(), "it has one of its own now"
+    assert not bpy.ops.rle_splat.make_single_user.poll(), "it has one of its own now"
     assert bpy.ops.rle_splat.window_level(center=20.0, width=40.0, keep_values=True) == {"FINISHED"}
     before = transfer.read_transfer(owner)
     assert transfer.read_transfer(reopened()) == before
@@ -298,7 +298,7 @@ def test_an_overridden_node_group_is_exchanged_for_one_that_keeps_edits(library,
     owner = bring(library, "override")
     tree = owner.rle_splat.transfer.override_create(remap_local_usages=False)
     owner.rle_splat.transfer = tree
-    assert bpy.ops.rle_splat.own_transfer() == {"FINISHED"}
+    assert bpy.ops.rle_splat.make_single_user() == {"FINISHED"}
     nodes = bridge("look.transfer_nodes")
     nodes.color_ramp(owner.rle_splat.transfer).elements[0].color = (0.25, 0.5, 0.75, 1.0)
     ramp = nodes.color_ramp(reopened().rle_splat.transfer)
@@ -310,7 +310,7 @@ def test_keyframes_on_an_override(library, bridge, animated):
     if animated:  # the library's own keyframes at frame 1
         bpy.ops.wm.open_mainfile(filepath=str(library))
         activate(scan())
-        assert bpy.ops.rle_splat.keyframe_transfer() == {"FINISHED"}
+        assert bpy.ops.rle_splat.keyframe_transfer_function() == {"FINISHED"}
         save(library)
         bpy.ops.wm.open_mainfile(filepath=str(library.parent.parent / "work" / "work.blend"))
     owner = bring(library, "override")
@@ -319,7 +319,7 @@ def test_keyframes_on_an_override(library, bridge, animated):
     owner.rle_splat.window_center = 33.0
     ramp = bridge("look.transfer_nodes").color_ramp(owner.rle_splat.transfer)
     ramp.elements[0].color = (0.25, 0.5, 0.75, 1.0)
-    assert bpy.ops.rle_splat.keyframe_transfer() == {"FINISHED"}
+    assert bpy.ops.rle_splat.keyframe_transfer_function() == {"FINISHED"}
     owner = reopened()
     tree = owner.rle_splat.transfer
     for block in (owner, tree):
@@ -362,7 +362,7 @@ def test_a_linked_collection_of_clip_objects_takes_more(library, bridge):
     scene = bpy.context.scene
     scene.rle_splat.clip_objects = bpy.data.collections["study"]
     activate(next(o for o in bpy.data.objects if o.name == "scan" and o.library is None))
-    assert bpy.ops.rle_splat.add_clip(kind="BOX") == {"FINISHED"}
+    assert bpy.ops.rle_splat.add_cutting_object(kind="BOX") == {"FINISHED"}
     names = [one.name for one in bridge("scene.clip_objects").clip_objects(scene)]
     reopened()
     assert [one.name for one in bridge("scene.clip_objects").clip_objects(bpy.context.scene)] == names

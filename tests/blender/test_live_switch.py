@@ -174,13 +174,13 @@ def test_the_panel_has_the_switch_and_says_why_nothing_is_shown(volume_object, l
     with bpy.context.temp_override(area=area, region=region):
         log = layout_recorder.draw_all(MODULE, bpy.context)
         assert log.count(("prop", "show_object_viewport_volume")) == 2, "in the panel and among the overlays"
-        assert ("operator", "rle_splat.live_again") not in log
+        assert ("operator", "rle_splat.try_again") not in log
         held = live._lives[region.as_pointer()] = live.Live()
         held.viewport.give_up(SENTENCE)
         log = layout_recorder.draw_all(MODULE, bpy.context)
         assert SENTENCE.split()[-1] in " ".join(str(value) for kind, value in log if kind == "label")
-        assert ("operator", "rle_splat.live_again") in log
-        assert bpy.ops.rle_splat.live_again() == {"FINISHED"}
+        assert ("operator", "rle_splat.try_again") in log
+        assert bpy.ops.rle_splat.try_again() == {"FINISHED"}
         assert live.problem_of(area) == "" and held.viewport.problem == ""
     live.stop()
 

@@ -182,7 +182,7 @@ def test_it_is_read_again_after_a_reload_and_after_it_moved(nifti, values, bridg
     np.testing.assert_array_equal(bridge("volumes.volumes").load_volume(owner).voxels.transpose(2, 1, 0), values)
     moved = nifti.rename(tmp_path / "elsewhere.nii.gz")
     bridge("volumes.volumes").forget_all()
-    assert bpy.ops.rle_splat.relocate(filepath=str(moved)) == {"FINISHED"}
+    assert bpy.ops.rle_splat.relocate_volume(filepath=str(moved)) == {"FINISHED"}
     volume = bridge("volumes.volumes").load_volume(owner, warn=pytest.fail)
     np.testing.assert_allclose(volume.affine, AFFINE, rtol=1e-6)
 
@@ -218,7 +218,7 @@ def test_named_labels_fill_the_rows(nifti, tmp_path, nibabel):
     nibabel.save(image, tmp_path / "seg.nii.gz")
     (tmp_path / "seg.txt").write_text('0 0 0 0 0 0 0 "Clear Label"\n2 255 0 0 1 1 1 "liver"\n')
     owner.rle_splat.label_file = str(tmp_path / "seg.nii.gz")
-    assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
+    assert bpy.ops.rle_splat.load_segments() == {"FINISHED"}
     rows = owner.rle_splat.labels
     assert [(row.label, row.label_name) for row in rows] == [(0, "Clear Label"), (2, "liver")]
     assert rows[1].use_color

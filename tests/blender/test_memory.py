@@ -103,7 +103,7 @@ def test_a_volume_of_a_former_version_has_no_such_line(volume, monkeypatch):
     assert "of the voxels" not in said(monkeypatch)
 
 
-@pytest.mark.parametrize("operator", ("render_image", "set_backdrop"))
+@pytest.mark.parametrize("operator", ("render_image", "preview_in_camera_view"))
 @pytest.mark.parametrize("classification", ("pre", "post"))
 def test_too_little_memory_is_refused_before_the_work(volume, core, operator, classification, monkeypatch):
     bpy.context.scene.rle_splat.classification = classification

@@ -58,7 +58,7 @@ def slab(grids_in_cycles, addon, tmp_path):
     add_white_floor(60.0)
     add_sun()
     add_camera((LEFT + SIZE / 2, TOP - SIZE / 2, 60.0), type="ORTHO", ortho_scale=float(SIZE))
-    assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+    assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
     return owner
 
 
@@ -122,7 +122,7 @@ def test_a_mesh_in_the_box_is_shadowed_and_one_on_the_volume_is_not(grids_in_cyc
     plate.visible_shadow = False
     add_sun()
     add_camera((15.5, 15.5, 60.0), type="ORTHO", ortho_scale=32.0)
-    assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+    assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
     light = rendered(tmp_path / "inside.exr")[..., 2] * math.sqrt(2.0)
     print(light[16].round(1))
     assert light[12:20, 7:14].mean() == pytest.approx(0.0, abs=0.1), "12 voxels to the left"
@@ -163,7 +163,7 @@ def test_a_mirror_shows_the_lit_color_and_not_a_black_shape(grids_in_cycles, add
     shader.inputs["Base Color"].default_value = (1.0, 1.0, 1.0, 1.0)
     mirror.data.materials.append(material)
     add_sun()
-    assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+    assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
     middle = rendered(tmp_path / "mirror.exr")[6:10, 6:10, :3].mean(axis=(0, 1))
     print(f"the mirror shows {middle}")
     assert middle / middle[0] == pytest.approx(np.array(RED) / RED[0], abs=0.01)
@@ -183,7 +183,7 @@ def test_the_shadow_follows_edits_and_frames(slab, tmp_path, grid):
     assert floor_light(tmp_path)[SHADOW].mean() > dark + 0.4
     assert grid().data.filepath != first
     load_color(tmp_path, COLOR, alpha=ALPHA)
-    assert bpy.ops.rle_splat.add_clip(kind="BOX") == {"FINISHED"}
+    assert bpy.ops.rle_splat.add_cutting_object(kind="BOX") == {"FINISHED"}
     clip = bpy.context.view_layer.objects.active
     clip.location.x += 6.0
     update()
@@ -208,7 +208,7 @@ def cube(addon, tmp_path):
     floor = add_white_floor(9.0)
     floor.location.z = -3.0
     add_sun()
-    assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+    assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
     return owner
 
 
@@ -249,7 +249,7 @@ def test_the_effect_says_why_it_is_on_or_off(cube, grid):
     scene.render.engine = "CYCLES"
     force("OFF")
     assert reason() == (False, "by hand")
-    assert bpy.ops.rle_splat.remove_composite() == {"FINISHED"}
+    assert bpy.ops.rle_splat.remove_from_renders() == {"FINISHED"}
     force("AUTO")
     assert reason() == (False, "renders do not include the volume") and grid() is None
 
@@ -396,7 +396,7 @@ def test_copies_of_the_volume_and_of_the_scene(cube, grid, bridge):
 
 def test_undo_and_redo_leave_one_grid_that_renders_fill(cube, grid):
     bpy.ops.ed.undo_push(message="included")
-    assert bpy.ops.rle_splat.remove_composite() == {"FINISHED"}
+    assert bpy.ops.rle_splat.remove_from_renders() == {"FINISHED"}
     bpy.ops.ed.undo_push(message="removed")
     assert grid() is None
     bpy.ops.ed.undo()
@@ -420,7 +420,7 @@ def test_a_linked_volume_casts_its_shadow_and_a_linked_scene_says_why_not(cube, 
     bpy.context.scene.rle_splat.scene_scale = 1.0
     add_camera((3.0, 3.0, 30.0), type="ORTHO", ortho_scale=12.0)
     bpy.context.view_layer.objects.active = into.objects[0]
-    assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+    assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
     render()
     assert row_of().on and grid().library is None and grid().parent == into.objects[0]
     assert Path(bpy.path.abspath(grid().data.filepath)).is_file()

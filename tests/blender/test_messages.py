@@ -45,7 +45,7 @@ def at_frame():
 
 
 def composite():
-    assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+    assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
     return bpy.context.scene.rle_splat
 
 
@@ -398,7 +398,7 @@ def test_B23_a_deleted_channel_is_not_drawn(volume, tmp_path):
 
 def test_B24_a_deleted_clip_object_does_not_cut(volume, tmp_path):
     bpy.context.view_layer.objects.active = volume
-    assert bpy.ops.rle_splat.add_clip(kind="PLANE") == {"FINISHED"}
+    assert bpy.ops.rle_splat.add_cutting_object(kind="PLANE") == {"FINISHED"}
     scene, settings = bpy.context.scene, bpy.context.scene.rle_splat
     clip = settings.clip_objects.objects[0]
     clip.location, clip.rotation_euler = (4.0, 4.0, 4.0), (0.0, 0.0, 0.0)

@@ -44,7 +44,7 @@ def test_B12_the_backdrop_is_ours_again_and_follows(opened):
     bpy.context.view_layer.update()
     assert [entry.image for entry in camera.data.background_images] == [image] and len(bpy.data.images) == count
     assert np.abs(scenes.image_pixels(image) - before).max() > 0.01
-    assert bpy.ops.rle_splat.remove_backdrop() == {"FINISHED"} and not camera.data.background_images
+    assert bpy.ops.rle_splat.remove_from_camera_view() == {"FINISHED"} and not camera.data.background_images
 
 
 def test_the_last_depth_image_is_written_over_by_its_own_volume_alone(opened):
@@ -60,9 +60,9 @@ def test_the_compositing_works_and_is_taken_out(opened, tmp_path):
     scenes.use_cycles((16, 16))
     scene.rle_splat.backdrop_follows = False
     assert scenes.rendered(tmp_path / "out.exr")[..., 3].max() > 0.01 and scene.rle_splat.message == ""
-    assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+    assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
     assert len(bpy.data.images) <= count + 1  # of the render itself: ours is the one of before
-    assert bpy.ops.rle_splat.remove_composite() == {"FINISHED"}
+    assert bpy.ops.rle_splat.remove_from_renders() == {"FINISHED"}
 
 
 def test_saved_again_it_is_a_file_of_today(opened, tmp_path):
@@ -72,7 +72,7 @@ def test_saved_again_it_is_a_file_of_today(opened, tmp_path):
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "again.blend"))
     image = bpy.context.scene.camera.data.background_images[0].image
     np.testing.assert_array_equal(scenes.image_pixels(image), before)
-    assert bpy.ops.rle_splat.remove_backdrop.poll()
+    assert bpy.ops.rle_splat.remove_from_camera_view.poll()
 
 
 def test_a_file_of_version_0_2_0_opens_with_its_settings_and_renders(addon, bridge, tmp_path):

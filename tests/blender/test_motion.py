@@ -235,7 +235,7 @@ def test_B55_a_render_is_blurred_as_render_image_is_and_as_cycles_blurs_a_mesh(b
             point.interpolation = "LINEAR"
     scene.frame_set(FRAME)
     scene.cycles.samples = 64
-    assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+    assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
     grown = {}
     for blurred in (False, True):
         scene.render.use_motion_blur = blurred
@@ -331,7 +331,7 @@ def test_what_keyframes_do_not_say_is_sharp_and_said_in_render_and_image_alike(
     scene.frame_set(FRAME)
     reason = f"the camera depends on {words}, and only keyframes are read between frames; bake its motion to them"
     assert off_because(scene) == reason
-    assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+    assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
     scenes.rendered(tmp_path / "frame.exr")
     assert scene.rle_splat.effect_rows["motion blur"].reason == reason
 

@@ -34,7 +34,7 @@ def owner(addon, tmp_path):
     assert bpy.ops.rle_splat.import_volume(filepath=str(tmp_path / "scan.nii.gz"), preset="ct-bone") == {"FINISHED"}
     found = bpy.context.view_layer.objects.active
     found.rle_splat.label_file = str(tmp_path / "map.nii.gz")
-    assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
+    assert bpy.ops.rle_splat.load_segments() == {"FINISHED"}
     for row in found.rle_splat.labels:
         if row.label in BALLS:
             row.label_name = BALLS[row.label][0]
@@ -145,7 +145,7 @@ def test_names_stand_beyond_letters_and_slices_and_their_lines_pass_letters_by(o
 
 def test_what_is_cut_away_or_out_of_the_picture_has_no_name(owner, refused):
     look()
-    assert bpy.ops.rle_splat.add_clip(kind="BOX", keep="INSIDE") == {"FINISHED"}
+    assert bpy.ops.rle_splat.add_cutting_object(kind="BOX", keep="INSIDE") == {"FINISHED"}
     box = bpy.context.view_layer.objects.active
     box.matrix_world.translation.x += 0.034
     bpy.context.view_layer.objects.active = owner
@@ -225,7 +225,7 @@ def test_a_label_without_a_text_or_out_of_the_picture_is_refused_and_others_stay
     assert add_name("Cyst", SIDE) == {"FINISHED"}
     refused(bpy.ops.rle_splat.add_name, "is empty", text="  ", point=tuple(TIP))
     refused(bpy.ops.rle_splat.add_name, "does not see the point", text="Far", point=(0.0, -9.0, 0.0))
-    refused(bpy.ops.rle_splat.pick_label, "needs a click in a window")
+    refused(bpy.ops.rle_splat.name_structure, "needs a click in a window")
     bpy.context.scene.camera.rotation_euler.z += math.radians(180.0)
     bpy.context.view_layer.update()
     refused(bpy.ops.rle_splat.add_name, "does not see the point", text="Tip", point=tuple(TIP))

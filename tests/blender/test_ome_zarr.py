@@ -19,7 +19,7 @@ def test_without_the_package(pyramid, monkeypatch):
     monkeypatch.setitem(sys.modules, "zarr", None)
     before = set(bpy.data.objects)
     with pytest.raises(RuntimeError, match=r"needs the package zarr; install it into this Python"):
-        bpy.ops.rle_splat.import_folder(directory=str(pyramid))
+        bpy.ops.rle_splat.import_dicom_series(directory=str(pyramid))
     assert set(bpy.data.objects) == before
 
 
@@ -34,6 +34,6 @@ def test_the_level_is_kept(pyramid, bridge, core):
     assert owner.rle_splat.level == 1
     bridge("volumes.volumes").forget_all()
     assert bridge("volumes.volumes").load_volume(owner).shape_xyz == (5, 5, 4)
-    bpy.ops.rle_splat.reload(level=0)
+    bpy.ops.rle_splat.reload_volume(level=0)
     assert bridge("volumes.volumes").load_volume(owner).shape_xyz == (10, 9, 8) and owner.rle_splat.level == 0
     assert bridge("volumes.volumes").load_volume(owner).unit == "um"

@@ -57,13 +57,13 @@ def test_what_is_saved_is_applied_again(volume_object, own, bridge, core):
     bpy.ops.rle_splat.apply_preset(preset="mr-head")
     saved = transfer.read_transfer(volume_object)
     assert not own.folder().exists()
-    assert bpy.ops.rle_splat.save_own_preset(name=" My Head ") == {"FINISHED"}
+    assert bpy.ops.rle_splat.save_user_preset(name=" My Head ") == {"FINISHED"}
     assert names(own) == ["My Head"]
     stored = core("classify.transfer_function").TransferFunction.from_json(own.folder() / "My Head.json")
     assert stored.name == "My Head" and stored.key == saved.key, "the file is that of Save to File"
     bpy.ops.rle_splat.apply_preset(preset="faint")
     assert transfer.read_transfer(volume_object).key != saved.key
-    assert bpy.ops.rle_splat.apply_own_preset(name="My Head") == {"FINISHED"}
+    assert bpy.ops.rle_splat.apply_user_preset(name="My Head") == {"FINISHED"}
     again = transfer.read_transfer(volume_object)
     assert again.key == saved.key and volume_object.rle_splat.transfer_name == "My Head"
 
@@ -73,47 +73,47 @@ def test_what_is_saved_is_applied_again(volume_object, own, bridge, core):
     ("con", "Windows has a device of this name"), ("Nul.bone", "add a word"), ("com¹", "add a word"),
 ])  # fmt: skip
 def test_names_that_no_file_can_have_are_refused(volume_object, own, refused, name, words):
-    refused(bpy.ops.rle_splat.save_own_preset, words, name=name)
+    refused(bpy.ops.rle_splat.save_user_preset, words, name=name)
     assert not own.folder().exists()
 
 
 def test_a_preset_is_replaced_only_if_asked_to(volume_object, own, refused):
-    bpy.ops.rle_splat.save_own_preset(name="Mine")
+    bpy.ops.rle_splat.save_user_preset(name="Mine")
     before = own.listed()
     bpy.ops.rle_splat.apply_preset(preset="faint")
     for name in ("Mine", "mine"):  # one file on some systems
-        refused(bpy.ops.rle_splat.save_own_preset, "already", name=name)
+        refused(bpy.ops.rle_splat.save_user_preset, "already", name=name)
     assert own.listed() == before
-    assert bpy.ops.rle_splat.save_own_preset(name="mine", overwrite=True) == {"FINISHED"}
+    assert bpy.ops.rle_splat.save_user_preset(name="mine", overwrite=True) == {"FINISHED"}
     assert names(own) == ["Mine"] and own.listed() != before, "its stamp changes with its content"
 
 
 def test_deleting(volume_object, own, refused):
-    bpy.ops.rle_splat.save_own_preset(name="Mine")
-    assert bpy.ops.rle_splat.delete_own_preset(name="Mine") == {"FINISHED"}
+    bpy.ops.rle_splat.save_user_preset(name="Mine")
+    assert bpy.ops.rle_splat.delete_user_preset(name="Mine") == {"FINISHED"}
     assert names(own) == [] and not list(own.folder().iterdir())
-    refused(bpy.ops.rle_splat.delete_own_preset, "no user preset 'Mine'", name="Mine")
-    refused(bpy.ops.rle_splat.apply_own_preset, "no user preset 'Mine'", name="Mine")
+    refused(bpy.ops.rle_splat.delete_user_preset, "no user preset 'Mine'", name="Mine")
+    refused(bpy.ops.rle_splat.apply_user_preset, "no user preset 'Mine'", name="Mine")
 
 
 def test_a_name_is_no_way_out_of_the_folder(volume_object, own, refused, tmp_path):
     (tmp_path / "scripts" / "presets").mkdir(parents=True)
     victim = tmp_path / "scripts" / "presets" / "victim.json"
     victim.write_text("{}")
-    refused(bpy.ops.rle_splat.delete_own_preset, "no user preset", name="../victim")
+    refused(bpy.ops.rle_splat.delete_user_preset, "no user preset", name="../victim")
     assert victim.exists()
 
 
 def test_a_damaged_preset_is_refused_in_a_sentence(volume_object, own, refused):
-    bpy.ops.rle_splat.save_own_preset(name="Mine")
+    bpy.ops.rle_splat.save_user_preset(name="Mine")
     (own.folder() / "Mine.json").write_text('{"opacity": []}')
-    refused(bpy.ops.rle_splat.apply_own_preset, "color", name="Mine")
+    refused(bpy.ops.rle_splat.apply_user_preset, "color", name="Mine")
 
 
 def test_a_preset_for_another_unit_is_moved_to_the_values(volume_object, own, bridge, core):
     preset = core("classify.presets").preset("ct-bone")
     own.save("bone", preset)
-    assert bpy.ops.rle_splat.apply_own_preset(name="bone") == {"FINISHED"}
+    assert bpy.ops.rle_splat.apply_user_preset(name="bone") == {"FINISHED"}
     low, high = bridge("look.transfer").read_transfer(volume_object).span
     owner = volume_object.rle_splat
     assert owner.value_low <= low < high <= owner.value_high, "Hounsfield units on values without a unit"
@@ -136,8 +136,8 @@ def test_all_presets_of_a_file_become_own_presets(volume_object, own, mrml, refu
 
 
 def test_one_transfer_function_of_a_file_is_applied_by_name(volume_object, own, mrml, refused, bridge):
-    refused(bpy.ops.rle_splat.load_transfer, "name one of them with Name: Red, Blue/Green", filepath=str(mrml))
-    assert bpy.ops.rle_splat.load_transfer(filepath=str(mrml), name="Red") == {"FINISHED"}
+    refused(bpy.ops.rle_splat.load_transfer_function, "name one of them with Name: Red, Blue/Green", filepath=str(mrml))
+    assert bpy.ops.rle_splat.load_transfer_function(filepath=str(mrml), name="Red") == {"FINISHED"}
     function = bridge("look.transfer").read_transfer(volume_object)
     assert function.name == "Red" and function.opacity == ((10.0, 0.0), (200.0, 0.5))
     assert function.opacity_unit_distance == 1.0 and function.shade.highlight == "phong"
@@ -147,7 +147,7 @@ def test_one_transfer_function_of_a_file_is_applied_by_name(volume_object, own, 
 def test_a_color_map_is_spread_over_the_values(volume_object, own, bridge, tmp_path):
     path = tmp_path / "warm.json"
     path.write_text(json.dumps({"R": [0, 255], "G": [0, 128], "B": [0, 0], "A": [0, 128], "I": [0, 255]}))
-    assert bpy.ops.rle_splat.load_transfer(filepath=str(path)) == {"FINISHED"}
+    assert bpy.ops.rle_splat.load_transfer_function(filepath=str(path)) == {"FINISHED"}
     function = bridge("look.transfer").read_transfer(volume_object)
     owner = volume_object.rle_splat
     assert function.name == "warm" and owner.value_low <= function.span[0] < function.span[1] <= owner.value_high
@@ -155,7 +155,7 @@ def test_a_color_map_is_spread_over_the_values(volume_object, own, bridge, tmp_p
 
 
 def test_the_menu_and_the_groups_list_own_presets(volume_object, own, bridge):
-    bpy.ops.rle_splat.save_own_preset(name="Mine")
+    bpy.ops.rle_splat.save_user_preset(name="Mine")
     groups = bridge("look.preset_entries").groups(volume_object.rle_splat)
     assert [group.label for group in groups] == ["For Any Scan", "Own", "Others"], "no modality is known"
     assert [group.is_open for group in groups] == [True, True, False] and len(groups[0].entries) < 12
@@ -188,7 +188,7 @@ def test_a_patients_segment_is_offered_none_of_them(volume_object, bridge, monke
     path = tmp_path / "labels.raw"
     np.ones_like(bridge("volumes.volumes").load_volume(volume_object).voxels, np.uint8).tofile(path)
     volume_object.rle_splat.label_file = str(path)
-    assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
+    assert bpy.ops.rle_splat.load_segments() == {"FINISHED"}
     for space, offered in (("patient", set()), ("voxel", {"ct-botanical", "ct-industrial"})):
         volume_object.rle_splat.space = space
         log = draw_all(monkeypatch)

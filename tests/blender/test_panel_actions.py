@@ -69,9 +69,9 @@ def test_a_missing_file_has_its_button_beside_its_sentence(owner, monkeypatch):
     viewport = SimpleNamespace(
         is_busy=False, is_refined=True, waits=False, problem="The file of 'cube' is gone.", halvings=0, pictures=[]
     )
-    assert ("operator", "rle_splat.relocate") not in state_line(True, monkeypatch, [viewport])
+    assert ("operator", "rle_splat.relocate_volume") not in state_line(True, monkeypatch, [viewport])
     Path(owner.rle_splat.filepath).unlink()
-    assert ("operator", "rle_splat.relocate") in state_line(True, monkeypatch, [viewport])
+    assert ("operator", "rle_splat.relocate_volume") in state_line(True, monkeypatch, [viewport])
 
 
 def test_the_state_has_one_line_while_a_picture_is_made(owner, monkeypatch):
@@ -167,7 +167,7 @@ def segments(owner, tmp_path):
     labels[:, :, :3] = 3
     labels.tofile(tmp_path / "labels.raw")
     owner.rle_splat.label_file = str(tmp_path / "labels.raw")
-    assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
+    assert bpy.ops.rle_splat.load_segments() == {"FINISHED"}
     return owner.rle_splat.labels
 
 
@@ -188,31 +188,31 @@ def test_a_segment_is_shown_alone_and_then_all_again(segments, refused):
     assert [row.label for row in segments] == [0, 3]
     segments[1].show = False
     for shown in ([False, True], [True, True], [False, True]):
-        assert bpy.ops.rle_splat.solo_label(label=3) == {"FINISHED"}
+        assert bpy.ops.rle_splat.show_segment_alone(label=3) == {"FINISHED"}
         assert [row.show for row in segments] == shown
-    refused(bpy.ops.rle_splat.solo_label, "no label 2", label=2)
+    refused(bpy.ops.rle_splat.show_segment_alone, "no label 2", label=2)
 
 
 def test_segments_are_colored_by_their_names(segments):
     segments[1].label_name = "kidney_left"
-    assert bpy.ops.rle_splat.color_anatomy() == {"FINISHED"}
+    assert bpy.ops.rle_splat.color_by_anatomy() == {"FINISHED"}
     assert [row.show for row in segments] == [False, True]
     assert segments[1].look == "SOLID" and segments[1].use_color
     shown = scenes.picture()[16]
     assert shown[4, 3] > 0.99 and shown[4, 0] > 2.0 * shown[4, 1] and shown[24, 3] < 1e-6
     segments[1].label_name = "something else"
-    assert bpy.ops.rle_splat.color_anatomy() == {"FINISHED"}
+    assert bpy.ops.rle_splat.color_by_anatomy() == {"FINISHED"}
     assert tuple(segments[1].color) == tuple(segments[1].shown_color) and segments[1].opacity == 1.0
 
 
 def test_clip_objects_are_flipped_and_deleted_by_name(owner, refused):
-    assert bpy.ops.rle_splat.add_clip(kind="PLANE") == {"FINISHED"}
+    assert bpy.ops.rle_splat.add_cutting_object(kind="PLANE") == {"FINISHED"}
     clip = bpy.context.object
     assert not clip.rle_splat.clip_flipped
     clip.rle_splat.clip_flipped = True
     assert clip.rle_splat.clip_keep == "OUTSIDE"
-    refused(bpy.ops.rle_splat.delete_clip, "no cutting object", name=owner.name)
-    assert bpy.ops.rle_splat.delete_clip(name=clip.name) == {"FINISHED"}
+    refused(bpy.ops.rle_splat.delete_cutting_object, "no cutting object", name=owner.name)
+    assert bpy.ops.rle_splat.delete_cutting_object(name=clip.name) == {"FINISHED"}
     assert [one.name for one in bpy.data.objects if one.rle_splat.is_volume] == [owner.name]
     assert not bpy.context.scene.rle_splat.clip_objects.objects
 
@@ -220,7 +220,7 @@ def test_clip_objects_are_flipped_and_deleted_by_name(owner, refused):
 def test_a_scan_is_edited_after_the_import(owner, bridge, core):
     properties, key = owner.rle_splat, owner.rle_splat.data_key
     properties.window_center = 77.0
-    done = bpy.ops.rle_splat.reload(
+    done = bpy.ops.rle_splat.reload_volume(
         spacing=(1.0, 2.0, 0.5), orientation="RAS", flip=(False, False, True), length_unit_given="cm"
     )
     assert done == {"FINISHED"}
@@ -230,7 +230,7 @@ def test_a_scan_is_edited_after_the_import(owner, bridge, core):
     assert "Spacing: 1 × 2 × 0.5 cm" in properties.facts and properties.space == "patient"
     assert properties.data_key == key and properties.window_center == 77.0
     assert properties.length_unit == "cm" and tuple(properties.found_spacing) == (1.0, 2.0, 0.5)
-    assert bpy.ops.rle_splat.reload() == {"FINISHED"}  # with the options that it has
+    assert bpy.ops.rle_splat.reload_volume() == {"FINISHED"}  # with the options that it has
     np.testing.assert_allclose(bridge("volumes.volumes").load_volume(owner).spacing, (1.0, 2.0, 0.5))
     properties.use_file_spacing = True
     assert tuple(properties.spacing) == (0.0, 0.0, 0.0)
@@ -239,7 +239,7 @@ def test_a_scan_is_edited_after_the_import(owner, bridge, core):
 
 
 def test_a_wrong_orientation_is_refused(owner, refused):
-    refused(bpy.ops.rle_splat.reload, "three letters", orientation="LLS")
+    refused(bpy.ops.rle_splat.reload_volume, "three letters", orientation="LLS")
 
 
 @pytest.fixture
@@ -258,9 +258,9 @@ def test_preferences_count_where_a_scene_sets_nothing(owner, bridge, core, prefe
     settings.threads = 2
     assert quality_of(bpy.context.scene).threads == 2
     preferences.failed_frame = "STOP"
-    assert bpy.ops.rle_splat.composite() == {"FINISHED"} and settings.on_failed_frame == "STOP"
+    assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"} and settings.on_failed_frame == "STOP"
     settings.on_failed_frame = "PLACEHOLDER"
-    assert bpy.ops.rle_splat.composite() == {"FINISHED"} and settings.on_failed_frame == "PLACEHOLDER"
+    assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"} and settings.on_failed_frame == "PLACEHOLDER"
     available = core("runtime.memory").available_bytes
     preferences.memory_limit = 0.25
     assert available() <= 1 << 28
@@ -303,7 +303,7 @@ def test_the_cache_of_kernels_is_measured_and_cleared(bridge, monkeypatch, tmp_p
         monkeypatch.setattr(module, "cache_folder", lambda: tmp_path)
     monkeypatch.setattr(cache._FolderSize, "at", -cache.FRESH)
     assert cache.kernels_size() == 301
-    assert bpy.ops.rle_splat.clear_kernels() == {"FINISHED"}
+    assert bpy.ops.rle_splat.clear_cache() == {"FINISHED"}
     assert cache.kernels_size() == 1 and used.is_dir() and not other.exists()
 
 
@@ -340,7 +340,7 @@ def test_progress_never_runs_backwards(bridge, core, monkeypatch):
 
 
 def test_the_cut_can_be_switched_off_and_a_box_fitted_again(owner, bridge):
-    assert bpy.ops.rle_splat.add_clip(kind="BOX") == {"FINISHED"}
+    assert bpy.ops.rle_splat.add_cutting_object(kind="BOX") == {"FINISHED"}
     one = bpy.context.view_layer.objects.active
     fitted = np.array(one.matrix_world)
     one.scale, one.location = (0.3, 0.2, 0.1), (1.0, 2.0, 3.0)
@@ -350,24 +350,24 @@ def test_the_cut_can_be_switched_off_and_a_box_fitted_again(owner, bridge):
     assert len(read(depsgraph, owner)) == 1
     bpy.context.scene.rle_splat.use_clips = False
     assert read(bpy.context.evaluated_depsgraph_get(), owner) == ()
-    assert bpy.ops.rle_splat.fit_clip() == {"FINISHED"}
+    assert bpy.ops.rle_splat.fit_cutting_object() == {"FINISHED"}
     scenes.update()
     np.testing.assert_allclose(np.array(one.matrix_world), fitted, atol=1e-5)
-    assert bpy.ops.rle_splat.fit_clip(fit="VISIBLE") == {"FINISHED"}
+    assert bpy.ops.rle_splat.fit_cutting_object(fit="VISIBLE") == {"FINISHED"}
     scenes.update()
     assert one.matrix_world.col[0].length < np.linalg.norm(fitted[:, 0])
 
 
 def test_fitting_needs_a_box(owner, refused):
-    refused(bpy.ops.rle_splat.fit_clip, "Add a cut box")
+    refused(bpy.ops.rle_splat.fit_cutting_object, "Add a cut box")
 
 
 def test_segments_are_cleared(owner, refused):
-    refused(bpy.ops.rle_splat.clear_labels, "has no segments")
+    refused(bpy.ops.rle_splat.clear_segments, "has no segments")
     properties = owner.rle_splat
     properties.label_file = "labels.nii"
     properties.labels.add().name = "1"
-    assert bpy.ops.rle_splat.clear_labels() == {"FINISHED"}
+    assert bpy.ops.rle_splat.clear_segments() == {"FINISHED"}
     assert not properties.label_file and not len(properties.labels)
 
 

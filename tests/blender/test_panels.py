@@ -120,7 +120,7 @@ def test_minip_advises_a_cut_while_air_is_shown(monkeypatch, tmp_path):
     path = tmp_path / "segments.raw"
     path.write_bytes((scenes.ball() > 100).astype("uint8").tobytes())
     owner.rle_splat.label_file = str(path)
-    bpy.ops.rle_splat.read_labels()
+    bpy.ops.rle_splat.load_segments()
     for display, show, said in (("mip", True, False), ("minip", True, True), ("minip", False, False)):
         owner.rle_splat.display, owner.rle_splat.labels[0].show = display, show
         assert ("Air is the smallest value" in " ".join(texts(draw_all(monkeypatch)).split())) == said
@@ -201,8 +201,8 @@ def test_volume_shows_facts_curve_ramp_and_buttons(volume_object, monkeypatch, b
         ("template_curve_mapping", "mapping"), ("template_color_ramp", "color_ramp"), ("prop", "window_center"),
         ("prop", "window_width"), ("prop_enum", "quality"), ("prop", "display"), ("prop", "shift_by"),
         ("operator", "rle_splat.render_image"),
-        ("operator", "rle_splat.set_backdrop"), ("operator", "rle_splat.composite"),
-        ("operator", "rle_splat.relocate"), ("menu", "RLE_SPLAT_MT_presets"),
+        ("operator", "rle_splat.preview_in_camera_view"), ("operator", "rle_splat.show_in_renders"),
+        ("operator", "rle_splat.relocate_volume"), ("menu", "RLE_SPLAT_MT_presets"),
     ):  # fmt: skip
         assert wanted in log, wanted
 
@@ -319,7 +319,7 @@ def test_every_window_in_the_menu_has_a_tooltip_of_its_own(volume_object, bridge
 
 def test_grayed_buttons_say_why(volume_object):
     """Without a camera the pictures are refused with a sentence that names what is missing."""
-    for name in ("render_image", "set_backdrop", "composite"):
+    for name in ("render_image", "preview_in_camera_view", "show_in_renders"):
         with pytest.raises(RuntimeError, match="camera"):
             getattr(bpy.ops.rle_splat, name)()
 

@@ -78,7 +78,7 @@ def test_the_frame_can_be_keyframed(owner, bridge):
 
 
 def test_each_rendered_frame_shows_its_own_volume(owner, tmp_path):
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     scene = bpy.context.scene
     scene.frame_start, scene.frame_end = 1, 4
     scenes.write_exr(tmp_path / "frame_####.exr")
@@ -92,7 +92,7 @@ def test_each_rendered_frame_shows_its_own_volume(owner, tmp_path):
 
 def test_a_missing_frame_gets_the_placeholder_and_a_sentence(owner, sequence, tmp_path):
     sequence.with_name("beat_0003.raw").unlink()
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     scene = bpy.context.scene
     scene.frame_start, scene.frame_end = 2, 4
     scenes.write_exr(tmp_path / "frame_####.exr")
@@ -334,7 +334,7 @@ def test_a_picture_of_another_frame_is_out_of_date(owner, bridge):
 
 
 def test_a_followed_backdrop_shows_the_frame(owner):
-    bpy.ops.rle_splat.set_backdrop(follow=True)
+    bpy.ops.rle_splat.preview_in_camera_view(follow=True)
     scene = bpy.context.scene
     entry = scene.camera.data.background_images[0]
     middles = []
@@ -406,7 +406,7 @@ def test_frames_of_one_file_survive_a_reload(tmp_path, bridge):
     assert shown_at(bridge, owner, (1, 2, 3, 4)) == [1, 2, 3, 3]
     (tmp_path / "bold.nii.gz").rename(tmp_path / "moved.nii.gz")
     bridge("volumes.volumes").forget_all()
-    assert bpy.ops.rle_splat.relocate(filepath=str(tmp_path / "moved.nii.gz")) == {"FINISHED"}
+    assert bpy.ops.rle_splat.relocate_volume(filepath=str(tmp_path / "moved.nii.gz")) == {"FINISHED"}
     assert shown_at(bridge, owner, (2,)) == [2]
 
 
@@ -425,7 +425,7 @@ def test_labels_of_another_number_of_frames_are_said(scan, organs, sentence, tmp
     assert bpy.ops.rle_splat.import_volume(filepath=str(tmp_path / "beat.nii.gz")) == {"FINISHED"}
     owner = bpy.context.view_layer.objects.active
     owner.rle_splat.label_file = str(tmp_path / "organs.nii.gz")
-    assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
+    assert bpy.ops.rle_splat.load_segments() == {"FINISHED"}
     said = capfd.readouterr().out
     assert sentence in said and bool(sentence) == ("The segmentation file has" in said)
     shown = []
@@ -450,7 +450,7 @@ def test_labels_follow_the_frame_of_a_file_in_time(frames, tmp_path, bridge, cor
     assert bpy.ops.rle_splat.import_volume(filepath=str(tmp_path / "beat.nii.gz")) == {"FINISHED"}
     owner = bpy.context.view_layer.objects.active
     owner.rle_splat.label_file = str(tmp_path / "organs.nii.gz")
-    assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
+    assert bpy.ops.rle_splat.load_segments() == {"FINISHED"}
     assert [row.label for row in owner.rle_splat.labels] == ([0, 1, 5] if frames > 1 else [0, 1])
     labels, loading = bridge("volumes.labels"), bridge("volumes.loading")
     store, volume = bridge("loop.store"), bridge("volumes.volumes").load_volume(owner)

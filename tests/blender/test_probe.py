@@ -92,7 +92,7 @@ def test_labels_are_named(owner, look, tmp_path):
     path = tmp_path / "labels.raw"
     path.write_bytes(np.repeat(np.arange(7, dtype=np.uint8) % 3, 49).tobytes())  # the top slice is 0, below it 2
     owner.rle_splat.label_file = str(path)
-    assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
+    assert bpy.ops.rle_splat.load_segments() == {"FINISHED"}
     next(row for row in owner.rle_splat.labels if row.label == 0).show = False
     next(row for row in owner.rle_splat.labels if row.label == 2).label_name = "Liver"
     scenes.update()
@@ -102,18 +102,18 @@ def test_labels_are_named(owner, look, tmp_path):
 
 def test_the_operator_tells_it(owner, capfd):
     scenes.update()
-    assert bpy.ops.rle_splat.probe(origin=(*CENTER, 30.0), direction=(0.0, 0.0, -2.0)) == {"FINISHED"}
-    assert bpy.ops.rle_splat.probe(origin=(*CENTER, 30.0), direction=(0.0, 0.0, 1.0)) == {"FINISHED"}
+    assert bpy.ops.rle_splat.value_at_surface(origin=(*CENTER, 30.0), direction=(0.0, 0.0, -2.0)) == {"FINISHED"}
+    assert bpy.ops.rle_splat.value_at_surface(origin=(*CENTER, 30.0), direction=(0.0, 0.0, 1.0)) == {"FINISHED"}
     said = capfd.readouterr().out
     assert "Info: 100, voxel 3 3 6, x 3.0 y 3.0 z 5.7 mm" in said and "Nothing is visible along the ray" in said
 
 
 def test_the_operator_refuses_what_it_cannot_follow(owner, refused, tmp_path):
-    refused(bpy.ops.rle_splat.probe, "no direction", direction=(0.0, 0.0, 0.0))
+    refused(bpy.ops.rle_splat.value_at_surface, "no direction", direction=(0.0, 0.0, 0.0))
 
 
 def test_without_a_volume_it_says_so(addon, refused):
-    refused(bpy.ops.rle_splat.probe, "Import a volume first")
+    refused(bpy.ops.rle_splat.value_at_surface, "Import a volume first")
 
 
 def test_values_have_the_decimals_that_their_range_needs(bridge):

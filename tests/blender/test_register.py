@@ -125,7 +125,7 @@ def test_disabling_and_another_file_leave_no_voxels_labels_and_stages(
     labels[2:] = 3
     labels.tofile(tmp_path / "labels.raw")
     volume_object.rle_splat.label_file = str(tmp_path / "labels.raw")
-    assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
+    assert bpy.ops.rle_splat.load_segments() == {"FINISHED"}
     scenes.add_camera((3.0, 5.0, 40.0), type="ORTHO", ortho_scale=14.0)
     bpy.context.scene.render.resolution_x = bpy.context.scene.render.resolution_y = 24
     scenes.activate(volume_object)

@@ -22,7 +22,7 @@ OPACITY = [[60.0, 0.0], [80.0, 0.5], [255.0, 0.5]]
 each_tool = pytest.mark.parametrize(
     "tool, options",
     [
-        ("remove_table", {}), ("keep_connected", {"voxel": BONE_AT, "value": 180.0}),
+        ("hide_table", {}), ("keep_connected", {"voxel": BONE_AT, "value": 180.0}),
         ("threshold_segment", {"low": 80.0, "high": 130.0}),
         *(("change_segment", {"tool": tool, "length": 6.0})
           for tool in ("GROW", "SHRINK", "SMOOTH", "FILL", "LARGEST", "INVERT")),
@@ -72,7 +72,7 @@ def test_remove_table_shows_the_body_alone(owner):
     bpy.context.scene.render.resolution_x = bpy.context.scene.render.resolution_y = 48
     scenes.add_camera((97.5, 97.5, 600.0), type="ORTHO", ortho_scale=240.0)
     before = picture()
-    run(bpy.ops.rle_splat.remove_table)
+    run(bpy.ops.rle_splat.hide_table)
     assert rows_of(owner) == [(0, "Background", False), (1, "Body", True)]
     assert owner.rle_splat.active_label == 1
     found, voxels = map_of(owner) == 1, scan()
@@ -163,10 +163,10 @@ def test_labels_that_a_file_had_stay_and_the_body_takes_none_of_them(owner, tmp_
     organs[0, 0, 0] = 300 - 45  # a number as large as the type of the file allows
     organs.tofile(tmp_path / "organs.raw")
     owner.rle_splat.label_file = str(tmp_path / "organs.raw")
-    run(bpy.ops.rle_splat.read_labels)
+    run(bpy.ops.rle_splat.load_segments)
     owner.rle_splat.labels[1].label_name = "Bones"
     owner.rle_splat.labels[1].use_color, owner.rle_splat.labels[1].color = True, (0.1, 0.2, 0.3)
-    run(bpy.ops.rle_splat.remove_table)
+    run(bpy.ops.rle_splat.hide_table)
     assert [name for _, name, _ in rows_of(owner)] == ["Background", "Bones", "Segment 255", "Body"]
     assert (map_of(owner)[organs == 7] == 7).all() and map_of(owner).max() == 256
     assert (tmp_path / "organs.raw").read_bytes() == organs.tobytes()
@@ -244,9 +244,9 @@ def test_bad_input_is_one_sentence_and_changes_nothing(owner, refused, tmp_path)
 
 
 def test_a_scan_without_contrast_and_one_that_is_missing(addon, refused, tmp_path):
-    refused(bpy.ops.rle_splat.remove_table, "Import a volume first")
+    refused(bpy.ops.rle_splat.hide_table, "Import a volume first")
     scenes.import_raw(tmp_path, np.full((9, 9, 9), 100, np.uint8))
-    refused(bpy.ops.rle_splat.remove_table, "No body with air around it was found")
+    refused(bpy.ops.rle_splat.hide_table, "No body with air around it was found")
 
 
 @each_tool
@@ -272,7 +272,7 @@ def test_it_is_done_in_steps_that_can_be_stopped(owner, bridge, core, tool, opti
 
 
 def test_reports_of_pictures_count_with_the_new_labels(owner):
-    run(bpy.ops.rle_splat.remove_table)
+    run(bpy.ops.rle_splat.hide_table)
     bpy.context.scene.render.resolution_x = bpy.context.scene.render.resolution_y = 24
     scenes.add_camera((97.5, 97.5, 600.0), type="ORTHO", ortho_scale=240.0)
     picture()

@@ -29,7 +29,7 @@ def study(tmp_path, phantoms):
 
 
 def test_a_folder_is_imported_and_its_object_has_no_name_of_a_patient(study, phantoms, bridge):
-    assert bpy.ops.rle_splat.import_folder(directory=str(study / "first")) == {"FINISHED"}
+    assert bpy.ops.rle_splat.import_dicom_series(directory=str(study / "first")) == {"FINISHED"}
     owner = active()
     volume = bridge("volumes.volumes").load_volume(owner)
     assert volume.shape_xyz[2] == 5 and owner.rle_splat.space == "patient"
@@ -46,18 +46,18 @@ def test_any_file_of_a_series_stands_for_it(study, bridge):
 def test_several_series_are_listed_in_one_sentence_and_one_is_chosen(study, refused, bridge):
     refused(bpy.ops.rle_splat.import_volume, "There are 2 series; set series to the number of one: 1 is CT HEAD",
             filepath=str(study))  # fmt: skip
-    refused(bpy.ops.rle_splat.import_folder, "5 slices", directory=str(study))
+    refused(bpy.ops.rle_splat.import_dicom_series, "5 slices", directory=str(study))
     refused(bpy.ops.rle_splat.import_volume, "series 3", filepath=str(study), series=3)
     counts = {}
     for number in (1, 2):
-        assert bpy.ops.rle_splat.import_folder(directory=str(study), series=number) == {"FINISHED"}
+        assert bpy.ops.rle_splat.import_dicom_series(directory=str(study), series=number) == {"FINISHED"}
         assert active().rle_splat.series == number
         counts[number] = bridge("volumes.volumes").load_volume(active()).shape_xyz[2]
     assert sorted(counts.values()) == [5, 7]
 
 
 def test_the_chosen_series_is_read_again_after_a_reload(study, tmp_path, bridge):
-    bpy.ops.rle_splat.import_folder(directory=str(study), series=2)
+    bpy.ops.rle_splat.import_dicom_series(directory=str(study), series=2)
     expected = np.array(bridge("volumes.volumes").load_volume(active()).voxels)
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "saved.blend"))
@@ -69,18 +69,18 @@ def test_the_chosen_series_is_read_again_after_a_reload(study, tmp_path, bridge)
 
 
 def test_relocate_takes_a_folder(study, bridge):
-    bpy.ops.rle_splat.import_folder(directory=str(study / "first"))
+    bpy.ops.rle_splat.import_dicom_series(directory=str(study / "first"))
     (study / "first").rename(study / "moved")
     bridge("volumes.volumes").forget_all()
-    assert bpy.ops.rle_splat.relocate(filepath=str(study / "moved")) == {"FINISHED"}
+    assert bpy.ops.rle_splat.relocate_volume(filepath=str(study / "moved")) == {"FINISHED"}
     assert bridge("volumes.volumes").load_volume(active()).shape_xyz[2] == 5
 
 
 def test_relocate_finds_the_series_among_others(study, bridge, tmp_path, capfd):
     """By the hash of its identifier, which is all that the .blend holds of it."""
     for name, count in (("first", 5), ("second", 7)):
-        bpy.ops.rle_splat.import_folder(directory=str(study / name))
-        assert bpy.ops.rle_splat.relocate(filepath=str(study)) == {"FINISHED"}
+        bpy.ops.rle_splat.import_dicom_series(directory=str(study / name))
+        assert bpy.ops.rle_splat.relocate_volume(filepath=str(study)) == {"FINISHED"}
         bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "saved.blend"))
         bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "saved.blend"))
         assert bridge("volumes.volumes").load_volume(active()).shape_xyz[2] == count
@@ -88,15 +88,15 @@ def test_relocate_finds_the_series_among_others(study, bridge, tmp_path, capfd):
 
 
 def test_relocate_to_other_series_lists_them_and_changes_nothing(study, refused, phantoms, tmp_path, capfd):
-    bpy.ops.rle_splat.import_folder(directory=str(study / "first"))
+    bpy.ops.rle_splat.import_dicom_series(directory=str(study / "first"))
     before, key = active().rle_splat.filepath, active().rle_splat.series_key
     for name in ("third", "fourth"):
         where = phantoms.geometry(name, (1, 0, 0), (0, 1, 0), [2.0 * i for i in range(5)])
         phantoms.write_classic(tmp_path / "others" / name, where)
-    refused(bpy.ops.rle_splat.relocate, "There are 2 series", filepath=str(tmp_path / "others"))
+    refused(bpy.ops.rle_splat.relocate_volume, "There are 2 series", filepath=str(tmp_path / "others"))
     assert active().rle_splat.filepath == before and active().rle_splat.series_key == key
     capfd.readouterr()
-    assert bpy.ops.rle_splat.relocate(filepath=str(tmp_path / "others"), series=1) == {"FINISHED"}
+    assert bpy.ops.rle_splat.relocate_volume(filepath=str(tmp_path / "others"), series=1) == {"FINISHED"}
     assert "others does not hold the series that was imported; another one was read" in "".join(capfd.readouterr())
     assert active().rle_splat.series == 1 and active().rle_splat.series_key not in ("", key)
 
@@ -141,11 +141,13 @@ def test_what_the_chooser_shows(study, bridge, core):
 def test_a_folder_without_images_is_refused(tmp_path, refused):
     (tmp_path / "notes.txt").write_text("no image")
     sentence = f"{tmp_path.name} holds no medical images, only 1 other file; choose"
-    refused(bpy.ops.rle_splat.import_folder, sentence, directory=str(tmp_path))
-    refused(bpy.ops.rle_splat.import_folder, "no folder", directory="")
+    refused(bpy.ops.rle_splat.import_dicom_series, sentence, directory=str(tmp_path))
+    refused(bpy.ops.rle_splat.import_dicom_series, "no folder", directory="")
 
 
-@pytest.mark.parametrize("name, options", [("import_folder", {"directory": "first"}), ("choose_series", {"row": 0})])
+@pytest.mark.parametrize(
+    "name, options", [("import_dicom_series", {"directory": "first"}), ("choose_series", {"row": 0})]
+)
 def test_an_import_is_undone(study, bridge, core, name, options):
     bpy.ops.ed.undo_push(message="start")
     if name == "choose_series":
@@ -162,7 +164,7 @@ def test_an_import_is_undone(study, bridge, core, name, options):
 
 def test_a_series_is_chosen_for_a_channel(study, bridge, core, refused):
     """Of several in a folder: the list is shown, and the chosen one is added without asking for a file again."""
-    bpy.ops.rle_splat.import_folder(directory=str(study / "first"))
+    bpy.ops.rle_splat.import_dicom_series(directory=str(study / "first"))
     owner = active()
     refused(bpy.ops.rle_splat.import_channel, "There are 2 series", filepath=str(study))
     with pytest.raises(core("read.dicom.grouping").SeveralSeries) as caught:
@@ -176,7 +178,7 @@ def test_a_series_is_chosen_for_a_channel(study, bridge, core, refused):
 
 def test_a_slice_that_is_written_again_is_noticed(study, bridge, phantoms):
     volumes = bridge("volumes.volumes")
-    bpy.ops.rle_splat.import_folder(directory=str(study / "first"))
+    bpy.ops.rle_splat.import_dicom_series(directory=str(study / "first"))
     path = sorted((study / "first").iterdir())[2]
     content = phantoms.read(path)
     content.PixelData = bytes(len(content.PixelData))
@@ -200,7 +202,7 @@ def test_all_files_of_a_series_are_one_volume(study, refused):
 
 
 def test_a_second_series_that_came_later_is_told_in_a_sentence(study, bridge, core):
-    bpy.ops.rle_splat.import_folder(directory=str(study / "first"))
+    bpy.ops.rle_splat.import_dicom_series(directory=str(study / "first"))
     (study / "second").rename(study / "first" / "more")
     bridge("volumes.volumes").forget_all()
     assert bridge("volumes.volumes").load_volume(active()).shape_xyz[2] == 5, "it is found by its hash"

@@ -35,7 +35,7 @@ def cubes(tmp_path):
     settings = bpy.context.scene.rle_splat
     settings.quality = "fine"
     bpy.context.view_layer.objects.active = found["red"]
-    assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+    assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
     return found
 
 
@@ -98,7 +98,7 @@ def test_cubes_apart_and_one_that_is_hidden(cubes, tmp_path):
 
 
 def test_including_a_volume_says_which_others_renders_show(cubes, capfd):
-    assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+    assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
     said = capfd.readouterr().out
     assert "red is now included in every render. " in said
     assert "Also included: blue. To leave a volume out, hide it from renders in the Outliner." in said
@@ -206,7 +206,7 @@ def give_labels(owner, folder):
     np.tri(N, N * N, dtype=np.uint8).tofile(path)
     owner.rle_splat.label_file = str(path)
     scenes.activate(owner)
-    assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
+    assert bpy.ops.rle_splat.load_segments() == {"FINISHED"}
     owner.rle_splat.labels[1].show = False
 
 

@@ -51,7 +51,7 @@ def test_indirect_light_is_read_and_reaches_pictures_renders_and_the_live_view(b
     scene = bpy.context.scene
     settings = scene.rle_splat
     scenes.use_cycles((SIZE, SIZE))
-    assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+    assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
     plain, rendered = picture(), scenes.rendered(tmp_path / "plain.exr")
     settings.indirect_light = 1.0
     assert read(bridge, ball).indirect_light == 1.0 and read(bridge, ball, with_shadows=False).indirect_light == 0.0

@@ -30,7 +30,7 @@ def own_pictures(first, copy, camera):
 def shown(addon, tmp_path):
     """(volume, camera): with a picture and a backdrop that follows."""
     owner = scenes.cube_scene(tmp_path)
-    assert bpy.ops.rle_splat.set_backdrop(follow=True) == {"FINISHED"}
+    assert bpy.ops.rle_splat.preview_in_camera_view(follow=True) == {"FINISHED"}
     scenes.picture_of()
     scenes.activate(owner)
     return owner, bpy.context.scene.camera
@@ -76,7 +76,7 @@ def two_scenes(first, second, tmp_path):
 def copied_scene(tmp_path, kind):
     scenes.cube_scene(tmp_path)
     first = bpy.context.scene
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     scenes.picture_of()
     assert bpy.ops.scene.new(type=kind) == {"FINISHED"}
     two_scenes(first, bpy.context.scene, tmp_path)
@@ -97,7 +97,7 @@ def test_B10_a_camera_switched_by_a_marker(addon, tmp_path):
     scene.camera = first
     for frame, camera in ((1, first), (2, second)):
         scene.timeline_markers.new(f"cut {frame}", frame=frame).camera = camera
-    assert bpy.ops.rle_splat.set_backdrop(follow=True, place="FRONT") == {"FINISHED"}
+    assert bpy.ops.rle_splat.preview_in_camera_view(follow=True, place="FRONT") == {"FINISHED"}
     seen = scenes.backdrop_of(first)
     scenes.to_frame(2)
     assert scene.camera == second
@@ -123,7 +123,7 @@ def test_B11_two_scenes_that_follow_one_volume(addon, tmp_path):
     for scene in (first, second):
         with scenes.in_scene(scene):
             scenes.activate(owner)
-            assert bpy.ops.rle_splat.set_backdrop(follow=True) == {"FINISHED"}
+            assert bpy.ops.rle_splat.preview_in_camera_view(follow=True) == {"FINISHED"}
     for frame in (2, 3):
         owner.location.x += 1.0
         for scene in (first, second, first):
@@ -146,7 +146,7 @@ def test_B95_a_camera_copied_by_shift_d(shown):
     bpy.context.scene.camera = copy
     copy.location.x += 2.0
     scenes.activate(owner)
-    assert bpy.ops.rle_splat.set_backdrop(follow=True) == {"FINISHED"}
+    assert bpy.ops.rle_splat.preview_in_camera_view(follow=True) == {"FINISHED"}
     for frame in (2, 3):
         np.testing.assert_allclose(
             scenes.shown_at(scenes.backdrop_of(copy)) - scenes.shown_at(before), (-4.0, 0.0), atol=0.1

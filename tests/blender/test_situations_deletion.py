@@ -24,7 +24,7 @@ def render(tmp_path):
 def followed(addon, tmp_path):
     """(volume, camera) with a backdrop that follows."""
     owner = scenes.cube_scene(tmp_path)
-    assert bpy.ops.rle_splat.set_backdrop(follow=True) == {"FINISHED"}
+    assert bpy.ops.rle_splat.preview_in_camera_view(follow=True) == {"FINISHED"}
     return owner, bpy.context.scene.camera
 
 
@@ -55,7 +55,14 @@ def test_B17_the_backdrop_of_a_deleted_volume(followed, remove, follows):
 
 def test_B18_pictures_of_the_only_volume_once_it_is_deleted(followed):
     delete(followed[0])
-    for name in ("render_image", "set_backdrop", "composite", "shadow_pass", "measure_accuracy", "error_map"):
+    for name in (
+        "render_image",
+        "preview_in_camera_view",
+        "show_in_renders",
+        "shadow_pass",
+        "measure_accuracy",
+        "error_map",
+    ):
         operator = getattr(bpy.ops.rle_splat, name)
         assert not operator.poll(), name
         with pytest.raises(RuntimeError, match="Import a volume first"):
@@ -63,7 +70,7 @@ def test_B18_pictures_of_the_only_volume_once_it_is_deleted(followed):
 
 
 def test_B19_a_purge_after_deletion_leaves_nothing(followed, tmp_path):
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     scenes.picture_of()
     delete(followed[0])
     scenes.to_frame(2)
@@ -103,7 +110,7 @@ def test_B21_the_other_of_two_volumes_is_deleted(followed, tmp_path):
 
 def test_B25_a_volume_in_an_instanced_collection_alone(followed, tmp_path):
     owner, camera = followed
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     collection = bpy.data.collections.new("assets")
     collection.objects.link(owner)
     for holder in [one for one in owner.users_collection if one != collection]:
@@ -136,7 +143,7 @@ def put_into_collection(owner):
 def test_B26_hidden_in_the_window(addon, tmp_path, how):
     """By the eye in the outliner, which renders ignore: they and pictures show it where it is now."""
     owner = scenes.cube_scene(tmp_path)
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     collection = put_into_collection(owner)
     scenes.activate(owner)
     before = scenes.shown_at(scenes.picture_of()[1])
@@ -155,7 +162,7 @@ def test_B26_hidden_in_the_window(addon, tmp_path, how):
 def test_B26_disabled_in_viewports(addon, tmp_path):
     """By the outliner's monitor, with which Blender no longer evaluates it there: never shown where it was before."""
     owner = scenes.cube_scene(tmp_path)
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     before = scenes.shown_at(scenes.picture_of()[1])
     owner.hide_viewport = True
     scenes.update()
@@ -172,7 +179,7 @@ def test_B26_disabled_in_viewports(addon, tmp_path):
 
 def test_B27_a_collection_hidden_from_renders(addon, tmp_path):
     owner = scenes.cube_scene(tmp_path)
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     collection = put_into_collection(owner)
     for hidden in (False, True, False):
         collection.hide_render = hidden
@@ -181,7 +188,7 @@ def test_B27_a_collection_hidden_from_renders(addon, tmp_path):
 
 def test_B28_local_view_of_a_mesh(addon, tmp_path):
     owner = scenes.cube_scene(tmp_path)
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     _, before = scenes.picture_of()
     aside = scenes.add_mesh([(8, 8, 0), (9, 8, 0), (8, 9, 0)], [(0, 1, 2)])
     area = next(one for one in bpy.context.screen.areas if one.type == "VIEW_3D")

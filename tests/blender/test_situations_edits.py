@@ -73,12 +73,12 @@ def shared_function(tmp_path):
 
 
 def clip_box(tmp_path):
-    bpy.ops.rle_splat.add_clip(kind="BOX")
+    bpy.ops.rle_splat.add_cutting_object(kind="BOX")
     scenes.activate(bpy.data.objects["cube"])
 
 
 def large_clip_box(tmp_path):
-    bpy.ops.rle_splat.add_clip(kind="BOX")
+    bpy.ops.rle_splat.add_cutting_object(kind="BOX")
     bpy.context.object.scale *= 3.0  # around all of the volume
     scenes.activate(bpy.context.object)
 
@@ -91,15 +91,15 @@ def labels(tmp_path):
 
 def listed_labels(tmp_path):
     labels(tmp_path)
-    bpy.ops.rle_splat.read_labels()
+    bpy.ops.rle_splat.load_segments()
 
 
 def composited(tmp_path):
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
 
 
 def backdrop(tmp_path):
-    bpy.ops.rle_splat.set_backdrop()
+    bpy.ops.rle_splat.preview_in_camera_view()
 
 
 def measured(tmp_path):
@@ -108,61 +108,68 @@ def measured(tmp_path):
 
 
 def own_preset(tmp_path):
-    assert bpy.ops.rle_splat.save_own_preset(name="one color", overwrite=True) == {"FINISHED"}
+    assert bpy.ops.rle_splat.save_user_preset(name="one color", overwrite=True) == {"FINISHED"}
     bpy.ops.rle_splat.apply_preset(preset="faint")
 
 
 # operator -> (its options, what stands in for a file in them, what has to be there before)
 EDITS = {
     "import_volume": (dict(filepath="cube.raw", shape=(7, 7, 7), dtype="uint8"), None),
-    "relocate": (dict(filepath="elsewhere.raw"), None),
+    "relocate_volume": (dict(filepath="elsewhere.raw"), None),
     "apply_preset": (dict(preset="faint"), None),
-    "load_transfer": (dict(filepath="one_color.json"), None),
-    "apply_own_preset": (dict(name="one color"), own_preset),
+    "load_transfer_function": (dict(filepath="one_color.json"), None),
+    "apply_user_preset": (dict(name="one color"), own_preset),
     "window_level": (dict(center=90.0, width=40.0, keep_values=True), None),
     "drag_window": (dict(center=90.0, width=40.0), None),
-    "own_transfer": ({}, shared_function),
-    "keyframe_transfer": ({}, None),
-    "composite": ({}, None),
-    "remove_composite": ({}, composited),
-    "remove_backdrop": ({}, backdrop),
+    "make_single_user": ({}, shared_function),
+    "keyframe_transfer_function": ({}, None),
+    "show_in_renders": ({}, None),
+    "remove_from_renders": ({}, composited),
+    "remove_from_camera_view": ({}, backdrop),
     "choose_plan": (dict(index=0), measured),
-    "add_clip": (dict(kind="BOX", keep="INSIDE"), None),
-    "clip_to_view": (dict(through="VIEW"), None),
+    "add_cutting_object": (dict(kind="BOX", keep="INSIDE"), None),
+    "cut_along_view": (dict(through="VIEW"), None),
     "add_slice": (dict(kind="ALL"), None),
     "add_letters": ({}, None),
     "add_name": (dict(text="Corner", point=(0.003, 0.003, 0.003)), None),
     "add_lights": (dict(kind="SMOKE"), None),
-    "read_labels": ({}, labels),
-    "solo_label": (dict(label=1), listed_labels),
+    "load_segments": ({}, labels),
+    "show_segment_alone": (dict(label=1), listed_labels),
     "add_names": ({}, listed_labels),
-    "clear_labels": ({}, listed_labels),
-    "color_anatomy": ({}, listed_labels),
+    "clear_segments": ({}, listed_labels),
+    "color_by_anatomy": ({}, listed_labels),
     "add_channels": ({}, two_volumes),
     "import_channel": (dict(filepath="cube.raw", shape=(7, 7, 7), dtype="uint8"), None),
     "remove_channel": (dict(index=0), one_channel),
-    "delete_clip": (dict(name="Cut Box"), clip_box),
-    "fit_clip": ({}, large_clip_box),
-    "gray_on_cut": ({}, clip_box),
-    "reload": (dict(flip=(True, False, False)), None),
+    "delete_cutting_object": (dict(name="Cut Box"), clip_box),
+    "fit_cutting_object": ({}, large_clip_box),
+    "gray_values_on_cut": ({}, clip_box),
+    "reload_volume": (dict(flip=(True, False, False)), None),
     "extract_surface": ({}, None),
     "bake_volume": (dict(filepath="baked.vdb"), None),
 }
-PICTURES = {"render_image": {}, "set_backdrop": {}, "shadow_pass": {}, "error_map": dict(step=8)}
+PICTURES = {"render_image": {}, "preview_in_camera_view": {}, "shadow_pass": {}, "error_map": dict(step=8)}
 # Of which nothing is undone.
-READERS = ("list_effects", "save_figure", "save_transfer", "measure_accuracy", "clear_kernels", "probe")
+READERS = (
+    "list_effects",
+    "save_figure",
+    "save_transfer_function",
+    "measure_accuracy",
+    "clear_cache",
+    "value_at_surface",
+)
 VIEWS = (  # of views and the selection alone; those of slices are tested in a window
-    "frame_volume", "live_again", "choose_object", "use_window_tool", "plain_background", "four_up", "scroll_slice",
+    "frame_volume", "try_again", "choose_object", "use_window_tool", "plain_background", "four_up_view", "scroll_slice",
     "show_tab",
 )  # fmt: skip
 OF_THE_SCENE = ("hide_mesh", "update_world_light")  # not of a volume
-FILES = ("save_own_preset", "delete_own_preset", "import_presets")  # of presets, which have no undo
-CHOICES = ("choose_transfer", "pick_label")  # dialogs and clicks, which call one of the others
+FILES = ("save_user_preset", "delete_user_preset", "import_presets")  # of presets, which have no undo
+CHOICES = ("choose_transfer_function", "name_structure")  # dialogs and clicks, which call one of the others
 MOVIES = ("turntable",)  # the camera that one adds is undone below
 SEGMENTS = (  # undone in test_segment_tools.py
-    "remove_table", "keep_connected", "pick_connected", "threshold_segment", "change_segment", "export_segments",
+    "hide_table", "keep_connected", "pick_connected", "threshold_segment", "change_segment", "export_segments",
 )  # fmt: skip
-SERIES = ("import_folder", "choose_series")  # undone in test_series.py
+SERIES = ("import_dicom_series", "choose_series")  # undone in test_series.py
 
 
 def test_B75_every_operator_is_listed(addon):
@@ -175,9 +182,9 @@ def test_B75_undo_and_redo_of_an_edit(owner, tmp_path, name):
     options, prepare = EDITS[name]
     if prepare is not None:
         prepare(tmp_path)
-    if name == "relocate":
+    if name == "relocate_volume":
         (tmp_path / "elsewhere.raw").write_bytes((tmp_path / "cube.raw").read_bytes())
-    if name == "load_transfer":
+    if name == "load_transfer_function":
         bpy.data.objects["cube"].rle_splat.window_width += 1.0
     if "filepath" in options:
         options = {**options, "filepath": str(tmp_path / options["filepath"])}
@@ -209,10 +216,17 @@ def test_B75_undo_of_a_turntable(owner, tmp_path):
 
 def test_B75_undo_and_redo_of_many_edits(owner, tmp_path):
     """Through pictures and frames between them, all the way back and forth again."""
-    bpy.ops.rle_splat.set_backdrop(follow=True)
+    bpy.ops.rle_splat.preview_in_camera_view(follow=True)
     bpy.ops.ed.undo_push(message="start")
     states = [state()]
-    for name in ("apply_preset", "window_level", "composite", "add_clip", "remove_composite", "load_transfer"):
+    for name in (
+        "apply_preset",
+        "window_level",
+        "show_in_renders",
+        "add_cutting_object",
+        "remove_from_renders",
+        "load_transfer_function",
+    ):
         options = {**EDITS[name][0]}
         if "filepath" in options:
             options["filepath"] = str(tmp_path / options["filepath"])
@@ -273,9 +287,9 @@ def goes_on(tmp_path):
 @pytest.fixture
 def in_use(owner):
     """With a picture, a backdrop that follows, and composited into renders."""
-    assert bpy.ops.rle_splat.set_backdrop(follow=True) == {"FINISHED"}
+    assert bpy.ops.rle_splat.preview_in_camera_view(follow=True) == {"FINISHED"}
     scenes.picture_of()
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     return owner
 
 

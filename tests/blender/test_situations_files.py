@@ -12,7 +12,7 @@ from tests.blender.test_animation import animated
 
 pytestmark = pytest.mark.usefixtures("by_numpy")
 
-PICTURES = ("render_image", "set_backdrop", "shadow_pass", "measure_accuracy", "error_map")
+PICTURES = ("render_image", "preview_in_camera_view", "shadow_pass", "measure_accuracy", "error_map")
 
 
 @pytest.fixture
@@ -34,7 +34,7 @@ def our_pictures():
 
 def make_pictures():
     """A backdrop that follows, another picture with its depth, and a map of errors."""
-    assert bpy.ops.rle_splat.set_backdrop(follow=True) == {"FINISHED"}
+    assert bpy.ops.rle_splat.preview_in_camera_view(follow=True) == {"FINISHED"}
     bpy.context.scene.rle_splat.mode = "mip"
     scenes.picture_of()
     bpy.context.scene.rle_splat.mode = "composite"
@@ -193,7 +193,7 @@ def test_B68_revert(owner, tmp_path):
 
 
 def test_B69_the_folder_of_pictures_is_lost(owner, tmp_path):
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     make_pictures()
     save(tmp_path / "saved.blend")
     shutil.rmtree(folder_of(tmp_path / "saved.blend"), ignore_errors=True)
@@ -219,7 +219,7 @@ def enable(addon):
 
 
 def test_B71_saved_without_the_extension(owner, addon, tmp_path):
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     make_pictures()
     before = our_pictures()
     save(tmp_path / "first.blend")
@@ -287,7 +287,7 @@ def test_B72_a_file_of_another_size_between_frames(addon, tmp_path, kind):
         scenes.load_color(tmp_path, scenes.RED)
     sides = {1: 7, 2: 3, 3: 7}
     scene.frame_start, scene.frame_end = 1, 3
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     handler = each_frame(lambda frame: path.write_bytes(contents[sides[frame]]))
     try:
         frames = animated(tmp_path)
@@ -311,8 +311,8 @@ def test_B73_a_handler_changes_the_path(owner, tmp_path):
         (tmp_path / f"{side}.raw").write_bytes(voxels.tobytes())
     sides = {1: "left", 2: "right", 3: "left"}
     scene.frame_start, scene.frame_end = 1, 3
-    bpy.ops.rle_splat.composite()
-    bpy.ops.rle_splat.set_backdrop(follow=True)
+    bpy.ops.rle_splat.show_in_renders()
+    bpy.ops.rle_splat.preview_in_camera_view(follow=True)
 
     def choose(frame):
         bpy.data.objects[name].rle_splat.filepath = str(tmp_path / f"{sides[frame]}.raw")
@@ -333,8 +333,8 @@ def test_B74_drivers(owner, tmp_path):
     scene.frame_start, scene.frame_end = 1, 3
     owner.driver_add("location", 0).driver.expression = "frame - 1"
     owner.rle_splat.driver_add("opacity_scale").driver.expression = "1 / frame"
-    bpy.ops.rle_splat.composite()
-    bpy.ops.rle_splat.set_backdrop(follow=True)
+    bpy.ops.rle_splat.show_in_renders()
+    bpy.ops.rle_splat.preview_in_camera_view(follow=True)
     frames = animated(tmp_path)
     for frame, alpha in enumerate(frames, start=1):
         scenes.to_frame(frame)

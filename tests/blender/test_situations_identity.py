@@ -27,7 +27,7 @@ def users_image(name):
 
 def follow():
     """Set the active volume's backdrop to follow; returns the camera."""
-    assert bpy.ops.rle_splat.set_backdrop(follow=True) == {"FINISHED"}
+    assert bpy.ops.rle_splat.preview_in_camera_view(follow=True) == {"FINISHED"}
     return bpy.context.scene.camera
 
 
@@ -74,12 +74,12 @@ def test_B3_a_copy_of_our_picture_is_the_users(addon, tmp_path):
     entry = camera.data.background_images.new()
     entry.image, entry.alpha = copy, 0.25
     camera.location.x += 2.0
-    bpy.ops.rle_splat.set_backdrop()
+    bpy.ops.rle_splat.preview_in_camera_view()
     assert len(camera.data.background_images) == 2 and entry.image == copy and entry.alpha == 0.25
     np.testing.assert_array_equal(scenes.image_pixels(copy), pixels)
-    assert bpy.ops.rle_splat.remove_backdrop() == {"FINISHED"}
+    assert bpy.ops.rle_splat.remove_from_camera_view() == {"FINISHED"}
     assert scenes.backdrops(camera) == [copy]
-    assert not bpy.ops.rle_splat.remove_backdrop.poll()
+    assert not bpy.ops.rle_splat.remove_from_camera_view.poll()
     scenes.picture_of()
     scenes.save_and_reload(tmp_path / "saved.blend")
     shown = bpy.context.scene.camera.data.background_images[0].image
@@ -103,7 +103,7 @@ def two_backdrops(first, second):
     """The followed backdrop is the volume's that it was asked for, whatever is done with the other."""
     scenes.activate(second)
     scenes.picture_of()
-    bpy.ops.rle_splat.set_backdrop()
+    bpy.ops.rle_splat.preview_in_camera_view()
     scenes.activate(first)
     camera = follow()
     before = scenes.backdrop_of(camera)

@@ -38,20 +38,20 @@ def without_noise(engine):
 @pytest.mark.deep  # it compiles shaders for a quarter of a minute in each Blender; the newest has it in every run
 def test_B86_eevee(owner, tmp_path):
     without_noise("BLENDER_EEVEE" if bpy.app.version >= (5, 0) else "BLENDER_EEVEE_NEXT")
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     holds_the_cube(scenes.rendered(tmp_path / "out.exr"))
 
 
 def test_B87_workbench(owner, tmp_path):
     without_noise("BLENDER_WORKBENCH")
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     holds_the_cube(scenes.rendered(tmp_path / "out.exr"))
 
 
 def test_B88_freestyle(owner, tmp_path):
     scene, layer = bpy.context.scene, bpy.context.view_layer
     scenes.add_mesh([(7.5, -2, 0), (8.5, -2, 0), (8.5, 8, 0), (7.5, 8, 0)], [(0, 1, 2, 3)], (0.0, 1.0, 0.0))
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     plain = scenes.rendered(tmp_path / "plain.exr")
     scene.render.use_freestyle = layer.use_freestyle = True
     lines = layer.freestyle_settings.linesets.new("lines")
@@ -78,7 +78,7 @@ def second_scene(owner, shift):
         with scenes.in_scene(scene):
             scenes.use_cycles((24, 24))
             scenes.activate(next(one for one in scene.objects if one.rle_splat.is_volume))
-            assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+            assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
     return first, second
 
 
@@ -155,18 +155,18 @@ def test_B91_nodes_after_ours(owner, tmp_path):
     """The user's nodes double, and between ours and the output halve, render and volume alike."""
     scenes.add_mesh([(-9, -9, -5), (15, -9, -5), (15, 15, -5), (-9, 15, -5)], [(0, 1, 2, 3)], (0.2, 0.2, 0.2))
     tree, output = users_tree(bpy.context.scene)
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     halved = insert(tree, output.inputs[0].links[0].from_socket, -1.0)
     tree.links.new(halved.outputs[0], output.inputs[0])
     before = links_of(tree)
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     assert links_of(tree) == before
     picture = scenes.rendered(tmp_path / "out.exr")
     expected = MIDDLE * np.array(scenes.RED) + (1.0 - MIDDLE) * 0.2
     np.testing.assert_allclose(picture[12, 12, :3], expected, atol=0.01)
     np.testing.assert_allclose(picture[1, 1, :3], 0.2, atol=0.01)
     assert bpy.context.scene.rle_splat.message == ""
-    assert bpy.ops.rle_splat.remove_composite() == {"FINISHED"}
+    assert bpy.ops.rle_splat.remove_from_renders() == {"FINISHED"}
     np.testing.assert_allclose(scenes.rendered(tmp_path / "out.exr")[12, 12, :3], 0.2, atol=0.01)
 
 
@@ -190,10 +190,10 @@ def test_B93_a_compositor_shared_or_switched_off(owner, tmp_path):
         other.compositing_node_group = tree
     else:
         first.use_nodes = False
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     holds_the_cube(scenes.rendered(tmp_path / "out.exr") * (0.5, 0.5, 0.5, 1.0))  # the user's nodes double colors
     if bpy.app.version >= (5, 0):
         assert other.compositing_node_group == tree and links_of(tree) == before
-    bpy.ops.rle_splat.remove_composite()
+    bpy.ops.rle_splat.remove_from_renders()
     assert links_of(tree) == before
     assert bpy.app.version >= (5, 0) or not first.use_nodes

@@ -45,7 +45,7 @@ def test_B44_an_edit_from_python_with_persistent_data(owner, tmp_path, keyed):
     bpy.context.scene.render.use_persistent_data = True
     if keyed:  # on the colors; the curve is edited
         owner.rle_splat.transfer.keyframe_insert('nodes["Color"].color_ramp.elements[0].color', frame=1)
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     assert scenes.rendered(tmp_path / "before.exr")[12, 12, 3] > 0.8
     scenes.lower_curve(owner)
     assert scenes.rendered(tmp_path / "after.exr")[..., 3].max() == 0.0
@@ -54,7 +54,7 @@ def test_B44_an_edit_from_python_with_persistent_data(owner, tmp_path, keyed):
 @pytest.fixture
 def camera(owner):
     """The camera, whose backdrop follows."""
-    assert bpy.ops.rle_splat.set_backdrop(follow=True) == {"FINISHED"}
+    assert bpy.ops.rle_splat.preview_in_camera_view(follow=True) == {"FINISHED"}
     return bpy.context.scene.camera
 
 
@@ -122,14 +122,14 @@ def test_B48_a_followed_light(owner, tmp_path):
     light.rotation_euler = (0.6, 0.0, 0.0)
     light.data.energy = 3.0
     bpy.context.scene.collection.objects.link(light)
-    bpy.ops.rle_splat.set_backdrop(follow=True)
+    bpy.ops.rle_splat.preview_in_camera_view(follow=True)
     camera = bpy.context.scene.camera
     follows(camera, lambda: setattr(light.data, "energy", 0.5))
     follows(camera, lambda: setattr(light.data, "color", (0.0, 1.0, 0.0)))
 
 
 def test_B49_a_followed_clip_object(owner, camera):
-    follows(camera, lambda: bpy.ops.rle_splat.add_clip(kind="PLANE"))
+    follows(camera, lambda: bpy.ops.rle_splat.add_cutting_object(kind="PLANE"))
     arrow = bpy.context.object
     scenes.activate(owner)
     follows(camera, lambda: setattr(arrow.location, "z", 1.0))
@@ -151,5 +151,5 @@ def test_B51_a_followed_size(owner, camera):
 def test_B52_a_followed_mesh(owner, camera):
     plane = scenes.add_mesh([(-9, -9, 0), (3, -9, 0), (3, 15, 0), (-9, 15, 0)], [(0, 1, 2, 3)])
     plane.location.z = -5.0
-    assert bpy.ops.rle_splat.set_backdrop(follow=True, place="FRONT") == {"FINISHED"}
+    assert bpy.ops.rle_splat.preview_in_camera_view(follow=True, place="FRONT") == {"FINISHED"}
     follows(camera, lambda: setattr(plane.location, "z", 10.0))

@@ -48,14 +48,14 @@ def edit_size(owner):
 
 
 def add_plane(owner):
-    bpy.ops.rle_splat.add_clip(kind="PLANE")
+    bpy.ops.rle_splat.add_cutting_object(kind="PLANE")
     scenes.activate(owner)
 
 
 @pytest.mark.parametrize(
     "edit", [scenes.lower_curve, edit_location, edit_quality, edit_camera, edit_window, edit_size, add_plane]
 )
-@pytest.mark.parametrize("make", ["render_image", "set_backdrop"])
+@pytest.mark.parametrize("make", ["render_image", "preview_in_camera_view"])
 def test_B80_an_edit_marks_the_picture(owner, said, make, edit):
     getattr(bpy.ops.rle_splat, make)()
     scenes.update()
@@ -70,10 +70,10 @@ def test_B80_an_edit_marks_the_picture(owner, said, make, edit):
 def test_B77_undo_after_preset_and_backdrop(owner, said):
     """The picture fits what the settings are now, or it is said that it does not."""
     name = owner.name
-    bpy.ops.rle_splat.set_backdrop()
+    bpy.ops.rle_splat.preview_in_camera_view()
     bpy.ops.ed.undo_push(message="backdrop")
     bpy.ops.rle_splat.apply_preset("EXEC_DEFAULT", True, preset="faint")
-    bpy.ops.rle_splat.set_backdrop("EXEC_DEFAULT", True)
+    bpy.ops.rle_splat.preview_in_camera_view("EXEC_DEFAULT", True)
     bpy.ops.ed.undo()
     if bpy.data.objects[name].rle_splat.transfer_name != "one color":
         bpy.ops.ed.undo()  # while pictures are steps of their own
@@ -88,7 +88,7 @@ def test_B77_undo_after_preset_and_backdrop(owner, said):
 
 def test_B81_behind_or_in_front(owner):
     settings = bpy.context.scene.rle_splat
-    bpy.ops.rle_splat.set_backdrop(place="BACK")
+    bpy.ops.rle_splat.preview_in_camera_view(place="BACK")
     entry = bpy.context.scene.camera.data.background_images[0]
     for place in ("FRONT", "BACK"):
         settings.backdrop_depth = place
@@ -100,5 +100,5 @@ def test_B85_a_backdrop_that_no_view_shows(owner, capfd):
     """The only view of this window looks from its own point."""
     areas = [area for area in bpy.context.screen.areas if area.type == "VIEW_3D"]
     assert areas and all(area.spaces.active.region_3d.view_perspective != "CAMERA" for area in areas)
-    bpy.ops.rle_splat.set_backdrop()
+    bpy.ops.rle_splat.preview_in_camera_view()
     assert "no 3d viewport looks through" in capfd.readouterr().out.lower()

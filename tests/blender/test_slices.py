@@ -97,10 +97,10 @@ def test_the_interface_stays_locked_for_slices_when_renders_include_no_volume(ow
     scenes.add_camera((0.0, 0.0, 30.0))
     for has_slice in (False, True):
         render.use_lock_interface = False
-        assert bpy.ops.rle_splat.composite() == {"FINISHED"} and render.use_lock_interface
+        assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"} and render.use_lock_interface
         if has_slice:
             add(owner, "axial")
-        assert bpy.ops.rle_splat.remove_composite() == {"FINISHED"}
+        assert bpy.ops.rle_splat.remove_from_renders() == {"FINISHED"}
         assert render.use_lock_interface == has_slice
 
 
@@ -393,7 +393,7 @@ def test_scrolling_needs_a_slice(owner, refused):
 
 def test_the_four_up_view_needs_a_viewport(owner, refused):
     with bpy.context.temp_override(area=None):
-        refused(bpy.ops.rle_splat.four_up, "No 3D viewport is open")
+        refused(bpy.ops.rle_splat.four_up_view, "No 3D viewport is open")
 
 
 # Kind -> where a reading workstation looks and what is up, in LPS.

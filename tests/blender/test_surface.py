@@ -134,7 +134,7 @@ def test_where_the_data_ends_the_surface_is_closed(tmp_path):
 
 def test_clip_objects_cut_the_surface_and_it_stays_closed(ball):
     cut = 16.3
-    bpy.ops.rle_splat.add_clip(kind="PLANE")
+    bpy.ops.rle_splat.add_cutting_object(kind="PLANE")
     plane = bpy.context.view_layer.objects.active
     plane.matrix_world = Matrix.Translation((cut, 0.0, 0.0)) @ Matrix.Rotation(np.pi / 2, 4, "Y")
     scenes.activate(ball)
@@ -154,7 +154,7 @@ def test_hidden_labels_are_left_out(ball, tmp_path, given):
     path = tmp_path / "parts.raw"
     path.write_bytes(np.ascontiguousarray(labels).tobytes())
     ball.rle_splat.label_file = str(path)
-    bpy.ops.rle_splat.read_labels()
+    bpy.ops.rle_splat.load_segments()
     next(row for row in ball.rle_splat.labels if row.label == 2).show = False
     surface = extract(**given)
     check_closed(surface)
@@ -168,7 +168,7 @@ def test_the_colors_are_those_below_the_surface(tmp_path):
     color = [[0.0, 0.0, 0.0, 0.0], [31.0, 1.0, 0.5, 0.0]]
     ramp = {"name": "ramp", "unit": None, "opacity": [[0.0, 1.0]], "color": color}
     (tmp_path / "ramp.json").write_text(json.dumps(ramp))
-    bpy.ops.rle_splat.load_transfer(filepath=str(tmp_path / "ramp.json"))
+    bpy.ops.rle_splat.load_transfer_function(filepath=str(tmp_path / "ramp.json"))
     surface = extract()
     check_closed(surface)
     assert content(surface) == pytest.approx(31 * 27 * 14, rel=0.01)

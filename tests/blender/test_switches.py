@@ -38,7 +38,7 @@ def add_lid():
 def test_B53_render_image_shows_what_a_render_and_the_list_of_effects_do(volume, tmp_path):
     settings = bpy.context.scene.rle_splat
     add_lid()
-    bpy.ops.rle_splat.composite()
+    bpy.ops.rle_splat.show_in_renders()
     alone = scenes.picture(use_meshes=False)
     assert alone[..., 3].max() > 0.1
     for occlude in (True, False):
@@ -144,17 +144,17 @@ def in_layer(collection):
 @pytest.mark.parametrize("kind", ["BOX", "PLANE"])
 def test_B59_a_clip_is_not_added_where_it_could_not_be_seen(clips, refused, kind):
     in_layer(clips).exclude = True
-    refused(bpy.ops.rle_splat.add_clip, "excluded from the view layer", kind=kind)
+    refused(bpy.ops.rle_splat.add_cutting_object, "excluded from the view layer", kind=kind)
     assert not clips.objects
     bpy.context.scene.collection.children.unlink(clips)
-    refused(bpy.ops.rle_splat.add_clip, "not in the scene", kind=kind)
+    refused(bpy.ops.rle_splat.add_cutting_object, "not in the scene", kind=kind)
     parent = bpy.data.collections.new("parent")
     bpy.context.scene.collection.children.link(parent)
     parent.children.link(clips)
     in_layer(parent).exclude = True
-    refused(bpy.ops.rle_splat.add_clip, "excluded from the view layer", kind=kind)
+    refused(bpy.ops.rle_splat.add_cutting_object, "excluded from the view layer", kind=kind)
     in_layer(parent).exclude = False
-    assert bpy.ops.rle_splat.add_clip(kind=kind) == {"FINISHED"}
+    assert bpy.ops.rle_splat.add_cutting_object(kind=kind) == {"FINISHED"}
     assert bpy.context.view_layer.objects.active.name in clips.objects
 
 
@@ -165,7 +165,7 @@ def test_a_clip_in_a_hidden_collection_cuts_and_says_that_it_is_hidden(clips, ca
     else:
         clips.hide_viewport = True
     before = contents()
-    assert bpy.ops.rle_splat.add_clip(kind="PLANE") == {"FINISHED"}
+    assert bpy.ops.rle_splat.add_cutting_object(kind="PLANE") == {"FINISHED"}
     assert "cuts the volume but is not visible, because its collection is hidden" in capfd.readouterr().out
     (added,) = clips.objects
     rectangle = {name: before[name] + 1 for name in ("meshes", "collections")}  # which the arrow instances

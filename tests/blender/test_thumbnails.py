@@ -145,7 +145,7 @@ def test_what_hides_the_rest_asks_for_other_pictures(ball, thumbnails, bridge, c
     path = tmp_path / "cube_segments_26x24x30_uint8.raw"
     path.write_bytes((np.mgrid[:30, :24, :26][0] >= 19).astype(np.uint8).tobytes())
     ball.rle_splat.label_file = str(path)
-    bpy.ops.rle_splat.read_labels()
+    bpy.ops.rle_splat.load_segments()
     shown = thumbnails._key(ball, entry)
     assert not labels.hides_rest(ball)
     next(row for row in ball.rle_splat.labels if row.label == 0).show = False

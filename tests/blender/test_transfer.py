@@ -134,7 +134,7 @@ def test_keyframes_on_curve_colors_and_window(volume_object, transfer, function)
     start = function(opacity=((0.0, 0.0), (1.0, 0.2)), color=((0.0, 1.0, 0.0, 0.0), (1.0, 1.0, 1.0, 1.0)))
     transfer.write_transfer(volume_object, start)
     scene.frame_set(1)
-    bpy.ops.rle_splat.keyframe_transfer()
+    bpy.ops.rle_splat.keyframe_transfer_function()
     tree.nodes["Opacity"].mapping.curves[0].points[1].location = (1.0, 1.0)
     tree.nodes["Color"].color_ramp.elements[0].color = (0.0, 0.0, 1.0, 1.0)
     volume_object.rle_splat.window_center, volume_object.rle_splat.window_width = 10.5, 1.0
@@ -144,7 +144,7 @@ def test_keyframes_on_curve_colors_and_window(volume_object, transfer, function)
     tree.nodes["Opacity"].mapping.curves[0].points[1].location = (1.0, 1.0)
     tree.nodes["Color"].color_ramp.elements[0].color = (0.0, 0.0, 1.0, 1.0)
     volume_object.rle_splat.window_center, volume_object.rle_splat.window_width = 10.5, 1.0
-    bpy.ops.rle_splat.keyframe_transfer()
+    bpy.ops.rle_splat.keyframe_transfer_function()
     for action in bpy.data.actions:
         make_linear(action)
     for frame, t in ((1, 0.0), (6, 0.5), (11, 1.0)):
@@ -170,7 +170,7 @@ def test_a_copy_shares_until_made_single(volume_object, transfer, function):
     bpy.context.collection.objects.link(copy)
     assert copy.rle_splat.transfer == volume_object.rle_splat.transfer
     bpy.context.view_layer.objects.active = copy
-    assert bpy.ops.rle_splat.own_transfer() == {"FINISHED"}
+    assert bpy.ops.rle_splat.make_single_user() == {"FINISHED"}
     assert copy.rle_splat.transfer != volume_object.rle_splat.transfer
     before = transfer.read_transfer(volume_object)
     transfer.write_transfer(copy, function.from_json(BONE))
@@ -180,12 +180,12 @@ def test_a_copy_shares_until_made_single(volume_object, transfer, function):
 def test_json_files(volume_object, transfer, function, tmp_path, refused):
     path = tmp_path / "bone.json"
     path.write_text(json.dumps(BONE))
-    bpy.ops.rle_splat.load_transfer(filepath=str(path))
+    bpy.ops.rle_splat.load_transfer_function(filepath=str(path))
     assert transfer.read_transfer(volume_object) == function.from_json(BONE)
-    bpy.ops.rle_splat.save_transfer(filepath=str(tmp_path / "again.json"))
+    bpy.ops.rle_splat.save_transfer_function(filepath=str(tmp_path / "again.json"))
     assert function.from_json(tmp_path / "again.json") == function.from_json(BONE)
     (tmp_path / "empty.json").write_text('{"opacity": [], "color": []}')
-    refused(bpy.ops.rle_splat.load_transfer, "point", filepath=str(tmp_path / "empty.json"))
+    refused(bpy.ops.rle_splat.load_transfer_function, "point", filepath=str(tmp_path / "empty.json"))
     assert transfer.read_transfer(volume_object) == function.from_json(BONE)
 
 
@@ -199,7 +199,13 @@ def test_presets_by_operator(volume_object, transfer):
 
 
 def test_without_a_volume_the_buttons_say_why(addon):
-    for name in ("apply_preset", "relocate", "window_level", "keyframe_transfer", "save_transfer"):
+    for name in (
+        "apply_preset",
+        "relocate_volume",
+        "window_level",
+        "keyframe_transfer_function",
+        "save_transfer_function",
+    ):
         assert not getattr(bpy.ops.rle_splat, name).poll()
     with pytest.raises(RuntimeError, match="Import a volume first"):
         bpy.ops.rle_splat.apply_preset()
@@ -221,11 +227,11 @@ def test_B60_a_transfer_function_without_a_node_is_refused_in_a_sentence(
     scenes.add_camera((0.0, 0.0, 10.0))
     words = f"lacks its node '{node}'; undo, or apply a preset"
     refused(bpy.ops.rle_splat.window_level, words, preset="DATA", keep_values=True)
-    refused(bpy.ops.rle_splat.keyframe_transfer, words)
-    refused(bpy.ops.rle_splat.own_transfer, words)
-    refused(bpy.ops.rle_splat.save_transfer, words, filepath=str(tmp_path / "function.json"))
+    refused(bpy.ops.rle_splat.keyframe_transfer_function, words)
+    refused(bpy.ops.rle_splat.make_single_user, words)
+    refused(bpy.ops.rle_splat.save_transfer_function, words, filepath=str(tmp_path / "function.json"))
     refused(bpy.ops.rle_splat.render_image, words)
     assert not bridge("look.previews").histogram_icon(volume_object, 0.5)
     assert bpy.ops.rle_splat.apply_preset(preset="mr-head") == {"FINISHED"}
     assert bpy.ops.rle_splat.window_level(preset="DATA", keep_values=True) == {"FINISHED"}
-    assert bpy.ops.rle_splat.keyframe_transfer() == {"FINISHED"}
+    assert bpy.ops.rle_splat.keyframe_transfer_function() == {"FINISHED"}

@@ -51,7 +51,7 @@ def test_texts_of_all_kinds_are_found(addon):
     for text, file in (
         ("Turntable", "operators/turntable.py"), ("Maximum Error", "bridge/data/properties.py"),
         ("Interpolate", "bridge/data/properties.py"), ("Cut", "panels/clip_objects.py"),
-        ("Shape of the cut", "operators/add_clip.py"),
+        ("Shape of the cut", "operators/add_cutting_object.py"),
     ):  # fmt: skip
         assert registered[text] == file
     for text in ("Import Volume…", "Canceled; nothing was changed.", "Select one of the volumes in the scene"):

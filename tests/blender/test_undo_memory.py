@@ -18,7 +18,7 @@ def scene(addon, tmp_path):
     return scene
 
 
-@pytest.mark.parametrize("make", ["render_image", "set_backdrop", "composite"])
+@pytest.mark.parametrize("make", ["render_image", "preview_in_camera_view", "show_in_renders"])
 def test_steps_of_undo_hold_no_pixels(scene, make):
     """A step of undo is what a .blend would hold, and that holds an image's pixels only where they are packed."""
     assert getattr(bpy.ops.rle_splat, make)() == {"FINISHED"}
@@ -37,7 +37,9 @@ def test_pixels_outlive_undo_and_redo_of_other_steps(scene):
         np.testing.assert_array_equal(scenes.image_pixels(bpy.context.scene.rle_splat.image), before)
 
 
-@pytest.mark.parametrize("name", ["render_image", "set_backdrop", "shadow_pass", "measure_accuracy", "error_map"])
+@pytest.mark.parametrize(
+    "name", ["render_image", "preview_in_camera_view", "shadow_pass", "measure_accuracy", "error_map"]
+)
 def test_f9_does_not_make_a_picture_again(addon, name):
     """An operator with REGISTER is run anew, blocking, by every change in Blender's panel of the last operation."""
     assert "REGISTER" not in getattr(bpy.types, f"RLE_SPLAT_OT_{name}").bl_options

@@ -150,7 +150,7 @@ def test_B29_B30_each_layer_shows_what_it_shows(volume, bridge, tmp_path, first,
 
 
 def composite():
-    assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+    assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
 
 
 def test_the_only_layer_of_the_compositor_counts_not_the_first_rendered(volume, bridge, tmp_path):
@@ -230,7 +230,7 @@ def test_composite_again_and_remove_with_several_layers(volume, bridge):
     once = links_of(tree)
     composite()
     assert links_of(tree) == once and len(tree.nodes) == len(names) + 4 and len(bpy.data.images) == images + 2
-    assert bpy.ops.rle_splat.remove_composite() == {"FINISHED"}
+    assert bpy.ops.rle_splat.remove_from_renders() == {"FINISHED"}
     assert links_of(tree) == before and sorted(node.name for node in tree.nodes) == names
     assert len(bpy.data.images) == images
 
@@ -253,7 +253,7 @@ def test_composite_again_after_a_layer_was_added_or_taken_away(volume, bridge, t
     tree.nodes.remove(later)
     composite()
     assert len(bpy.data.images) == images - 1
-    bpy.ops.rle_splat.remove_composite()
+    bpy.ops.rle_splat.remove_from_renders()
     assert not [node for node in tree.nodes if node.bl_idname in ("CompositorNodeAlphaOver", "CompositorNodeImage")]
 
 

@@ -227,7 +227,7 @@ def test_in_background_each_frame_is_rendered_with_its_own_light(ball, tmp_path)
     animate(sky_world())
     scene = scenes.use_cycles((8, 8))
     ball.rle_splat.use_shading = True
-    assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+    assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
     scene.rle_splat.world_light = ""
     scenes.write_exr(tmp_path / "frame")
     bpy.ops.render.render(animation=True)

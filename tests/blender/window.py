@@ -54,7 +54,7 @@ def check_f12():
         add_strip(*strip)
     write_exr(FOLDER / "still.exr")
     with in_the_view():
-        assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+        assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
         assert bpy.ops.render.render("INVOKE_DEFAULT", write_still=True) == {"RUNNING_MODAL"}
     yield from until(lambda: completed)
     row = pixels_of(bpy.data.images.load(str(FOLDER / "still.exr")))[SIZE // 2]
@@ -179,7 +179,7 @@ def check_drafts():
     scene.render.resolution_x = scene.render.resolution_y = SIZE
     scene.rle_splat.quality = "standard"
     with in_the_view():
-        assert bpy.ops.rle_splat.set_backdrop(place="FRONT") == {"FINISHED"}
+        assert bpy.ops.rle_splat.preview_in_camera_view(place="FRONT") == {"FINISHED"}
     image = bpy.data.images[next(name for name in bpy.data.images.keys() if name.endswith("Backdrop"))]
     at_once, shown, show = pixels_of(image).copy(), [], jobs._show
 
@@ -189,7 +189,7 @@ def check_drafts():
 
     jobs._show = watched
     with in_the_view():
-        assert bpy.ops.rle_splat.set_backdrop("INVOKE_DEFAULT", place="FRONT") == {"RUNNING_MODAL"}
+        assert bpy.ops.rle_splat.preview_in_camera_view("INVOKE_DEFAULT", place="FRONT") == {"RUNNING_MODAL"}
     yield from until(lambda: not jobs._running)
     assert len(shown) == 1 and np.abs(shown[0] - at_once).max() > TOLERANCE
     np.testing.assert_array_equal(pixels_of(image), at_once)
@@ -209,7 +209,7 @@ def check_following():
         volume.location.x = x
         volume.keyframe_insert("location", frame=frame)
     with in_the_view():
-        assert bpy.ops.rle_splat.set_backdrop(place="FRONT", follow=True) == {"FINISHED"}
+        assert bpy.ops.rle_splat.preview_in_camera_view(place="FRONT", follow=True) == {"FINISHED"}
     image = bpy.data.images[next(name for name in bpy.data.images.keys() if name.endswith("Backdrop"))]
     with in_the_view():
         bpy.ops.screen.animation_play()
@@ -243,10 +243,10 @@ def redraws(region, act):
 def check_B83_remove_backdrop_redraws():
     """From a script, which Blender does not redraw anything for by itself."""
     with in_the_view():
-        assert bpy.ops.rle_splat.set_backdrop() == {"FINISHED"}
-    yield from redraws("WINDOW", bpy.ops.rle_splat.remove_backdrop)
+        assert bpy.ops.rle_splat.preview_in_camera_view() == {"FINISHED"}
+    yield from redraws("WINDOW", bpy.ops.rle_splat.remove_from_camera_view)
     with in_the_view():
-        assert bpy.ops.rle_splat.set_backdrop() == {"FINISHED"}
+        assert bpy.ops.rle_splat.preview_in_camera_view() == {"FINISHED"}
 
 
 def check_B84_measure_accuracy_redraws():

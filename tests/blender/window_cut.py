@@ -127,7 +127,7 @@ def faces(box) -> np.ndarray:
 def check_box(name):
     """A drag of a face's handle moves that face and no other, as one step of undo; Esc restores."""
     with in_the_view():
-        bpy.ops.rle_splat.add_clip("EXEC_DEFAULT", True, kind="BOX")
+        bpy.ops.rle_splat.add_cutting_object("EXEC_DEFAULT", True, kind="BOX")
     yield from settled()
     yield from photograph("box")
     box = bpy.context.view_layer.objects.active
@@ -180,7 +180,7 @@ def check_plane(name):
     look((55.0, 0.0, 25.0))
     yield
     with in_the_view():
-        assert bpy.ops.rle_splat.clip_to_view("EXEC_DEFAULT", True, through="VIEW") == {"FINISHED"}
+        assert bpy.ops.rle_splat.cut_along_view("EXEC_DEFAULT", True, through="VIEW") == {"FINISHED"}
     yield from settled()
     yield from photograph("plane_facing")
     plane = bpy.context.view_layer.objects.active
@@ -209,7 +209,7 @@ def check_plane(name):
     yield
     scenes.activate(bpy.data.objects["Cut Plane"])
     with in_the_view():
-        assert bpy.ops.rle_splat.clip_to_view("EXEC_DEFAULT", True, through="CURSOR") == {"FINISHED"}
+        assert bpy.ops.rle_splat.cut_along_view("EXEC_DEFAULT", True, through="CURSOR") == {"FINISHED"}
     yield from settled()
     yield from photograph("plane_at_cursor")
     assert [one.name for one in scene.rle_splat.clip_objects.objects] == ["Cut Plane"], "a second plane was added"
@@ -224,7 +224,7 @@ def check_gray_values(name):
 
     scenes.activate(bpy.data.objects[name])
     yield from settled()
-    yield from press_button("bpy.ops.rle_splat.gray_on_cut")
+    yield from press_button("bpy.ops.rle_splat.gray_values_on_cut")
     yield from settled()
     yield from photograph("gray_on_plane")
     (one,) = values()
@@ -252,7 +252,7 @@ def check_gray_values(name):
     (one,) = values()
     assert one.parent == bpy.data.objects["Cut Plane"]
     scenes.activate(bpy.data.objects[name])
-    yield from press_button("bpy.ops.rle_splat.gray_on_cut")
+    yield from press_button("bpy.ops.rle_splat.gray_values_on_cut")
     yield from settled()
     assert not values()
 

@@ -184,10 +184,12 @@ def check_folder():
         yield from new_file()
         drawn.clear()
         with in_the_view():
-            bpy.ops.rle_splat.import_folder("INVOKE_DEFAULT")
+            bpy.ops.rle_splat.import_dicom_series("INVOKE_DEFAULT")
         yield from go_to(FOLDER / name)
         yield from photograph(f"import folder {name}")
-        assert drawn["import_folder"] >= PLACING and "preset" not in drawn["import_folder"], f"{name}: {drawn}"
+        assert drawn["import_dicom_series"] >= PLACING and "preset" not in drawn["import_dicom_series"], (
+            f"{name}: {drawn}"
+        )
         press("RET", first_row())
         yield from read(name)
 
@@ -259,9 +261,11 @@ def check_others():
         assert bpy.ops.rle_splat.threshold_segment("EXEC_DEFAULT", low=100.0) == {"FINISHED"}
     owner.rle_splat.active_label = 1
     owner.rle_splat.level, owner.rle_splat.frame_count = 0, 2
-    options = {"reload": {"use_dialog": True}, "delete_own_preset": {"name": "mine"}}
-    leads_to = {"choose_transfer": ("load_transfer", "EXEC_DEFAULT", {"filepath": str(write_functions())})}
-    of_imports = {"import_volume", "import_folder", "choose_series"}
+    options = {"reload_volume": {"use_dialog": True}, "delete_user_preset": {"name": "mine"}}
+    leads_to = {
+        "choose_transfer_function": ("load_transfer_function", "EXEC_DEFAULT", {"filepath": str(write_functions())})
+    }
+    of_imports = {"import_volume", "import_dicom_series", "choose_series"}
     names = {name_of(cls): cls for cls in operators() if opens_dialog(cls)}
     assert of_imports | set(options) < set(names), sorted(names)
     for name in sorted(set(names) - of_imports):

@@ -93,7 +93,7 @@ def rendered():
     scene.render.filepath = str(FOLDER / "render.png")
     bpy.app.handlers.render_complete.append(lambda *_: ended.append(True))
     with in_the_view():
-        assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+        assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
         assert bpy.ops.render.render("INVOKE_DEFAULT", write_still=True) == {"RUNNING_MODAL"}
     yield from until(lambda: ended and not bpy.app.is_job_running("RENDER"))
     assert scene.rle_splat.message == "" and scenes.load_pixels(FOLDER / "render.png")[..., 3].max() > 0.9

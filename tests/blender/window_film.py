@@ -139,7 +139,7 @@ def mesh_through(volume):
 def cut(volume):
     bpy.data.objects.remove(bpy.data.objects["Sphere"])
     with in_the_view():
-        assert bpy.ops.rle_splat.clip_to_view() == {"FINISHED"}
+        assert bpy.ops.rle_splat.cut_along_view() == {"FINISHED"}
     yield from settled()
 
 
@@ -149,7 +149,7 @@ def segments(volume):
     bpy.context.view_layer.objects.active = volume
     volume.rle_splat.label_file = str(FOLDER / f"parts_{SIDE}x{SIDE}x{SIDE}_uint8.raw")
     with in_the_view():
-        assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
+        assert bpy.ops.rle_splat.load_segments() == {"FINISHED"}
     yield from settled()
     shells = next(one for one in volume.rle_splat.labels if one.label == 2)
     shells.show = False
@@ -168,7 +168,7 @@ def f12(volume):
     camera.matrix_world = area_of("VIEW_3D").spaces.active.region_3d.view_matrix.inverted()
     bpy.context.view_layer.objects.active = volume
     with in_the_view():
-        assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+        assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
     ended = []
     bpy.app.handlers.render_complete.append(lambda *_: ended.append(True))
     yield from press("F12", middle())

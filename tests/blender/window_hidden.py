@@ -66,7 +66,7 @@ def check_a_bad_volume_in_f12():
         bad.location.x += 12.0
         bpy.context.scene.camera.data.ortho_scale = 40.0
         scene = scenes.use_cycles((96, 72), transparent=False)
-        assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+        assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
     (FOLDER / "bad.raw").unlink()
     import_module(f"{MODULE}.bridge.loop.store").forget_all()
     done = []
@@ -173,7 +173,7 @@ def check_a_missing_scan():
     owner = bpy.data.objects["gone"]
     with in_the_view():
         panel_states.make_active(owner)
-        assert bpy.ops.rle_splat.relocate(filepath=str(FOLDER / "elsewhere.raw")) == {"FINISHED"}
+        assert bpy.ops.rle_splat.relocate_volume(filepath=str(FOLDER / "elsewhere.raw")) == {"FINISHED"}
     yield from until(lambda: viewport().problem == "" and viewport().pictures)
     yield from settled()
     yield from photograph("missing scan found")
@@ -210,7 +210,7 @@ def check_another_label_file():
         (np.arange(side**3) * count // side**3 + 1 + 2 * number).astype(np.uint8).tofile(path)
         owner.rle_splat.label_file = str(path)
         with in_the_view():
-            assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
+            assert bpy.ops.rle_splat.load_segments() == {"FINISHED"}
         yield from settled()
         yield from photograph(f"labels of file {number}")
     assert [row.label_name for row in owner.rle_splat.labels] == ["Segment 3", "Segment 4", "Segment 5", "Segment 6"]
@@ -355,7 +355,7 @@ def check_behind_glass():
     scene = scenes.use_cycles((240, 180), transparent=False)
     scene.world = bpy.data.worlds.new("World")
     with in_the_view():
-        assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+        assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
     yield from settled()
     done = []
     bpy.app.handlers.render_complete.append(lambda *_: done.append(True))

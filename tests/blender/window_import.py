@@ -140,12 +140,12 @@ def check_browser():
     assert len(slices) > 3
     slices.clear()
     with in_the_view():
-        bpy.ops.rle_splat.relocate("INVOKE_DEFAULT")
+        bpy.ops.rle_splat.relocate_volume("INVOKE_DEFAULT")
     yield from confirm_browser(FOLDER, large_file().name)
     yield from until(lambda: len(slices) > 3)
     yield from until(lambda: not jobs()._running)
     with in_the_view():
-        bpy.ops.rle_splat.import_folder("INVOKE_DEFAULT")
+        bpy.ops.rle_splat.import_dicom_series("INVOKE_DEFAULT")
     yield from confirm_browser(FOLDER / "study" / "2")
     yield from until(lambda: len(volumes()) == 2)
 
@@ -217,7 +217,7 @@ def check_followed(ours, owner):
     with in_the_view():
         bpy.context.view_layer.objects.active = owner
         scene.frame_set(1)
-        assert bpy.ops.rle_splat.set_backdrop(follow=True) == {"FINISHED"}
+        assert bpy.ops.rle_splat.preview_in_camera_view(follow=True) == {"FINISHED"}
     image = scene.camera.data.background_images[0].image
     before = np.array(image.pixels[:])
     ahead = import_module(f"{MODULE}.bridge.loop.work")
@@ -292,7 +292,7 @@ def check_organs_in_time(side: int = 64, frames: int = 8, coarseness: int | None
         bpy.ops.rle_splat.import_volume(filepath=str(scan))
         owner, scene = volumes()[0], bpy.context.scene
         owner.rle_splat.label_file = str(organs)
-        assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
+        assert bpy.ops.rle_splat.load_segments() == {"FINISHED"}
         import_module(f"{MODULE}.bridge.volumes.labels").show_anatomy(owner.rle_splat.labels)
     scene.frame_start, scene.frame_end, owner.rle_splat.playback = 1, frames, "LOOP"
     scene.render.fps, scene.rle_splat.classification = 24, "post"

@@ -424,7 +424,7 @@ def check_failure():
     area_of("VIEW_3D").spaces.active.show_region_ui = False
     surface.BlenderSurface.contents = contents
     with in_the_view():
-        assert bpy.ops.rle_splat.live_again() == {"FINISHED"}
+        assert bpy.ops.rle_splat.try_again() == {"FINISHED"}
     yield from settled()
     assert viewport().pictures
 

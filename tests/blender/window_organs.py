@@ -185,12 +185,12 @@ def check_structures(ct):
     """The contours become segments with names; Anatomy gives them the colors of an atlas."""
     with in_the_view():
         ct.rle_splat.label_file = str(write_structures(FOLDER / "organs.dcm"))
-        bpy.ops.rle_splat.read_labels("INVOKE_DEFAULT")
+        bpy.ops.rle_splat.load_segments("INVOKE_DEFAULT")
     yield from until(lambda: len(ct.rle_splat.labels) == 1 + len(ORGANS) and is_idle())
     rows = ct.rle_splat.labels
     assert [row.label_name for row in rows[1:]] == list(ORGANS), [row.label_name for row in rows]
     with in_the_view():
-        assert bpy.ops.rle_splat.color_anatomy("INVOKE_DEFAULT") == {"FINISHED"}
+        assert bpy.ops.rle_splat.color_by_anatomy("INVOKE_DEFAULT") == {"FINISHED"}
     yield from until(lambda: not rows[0].show)
     yield from settled()
     yield from photograph("anatomy", looked_at=True)

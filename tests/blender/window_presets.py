@@ -113,7 +113,7 @@ def check_own(owner):
     path.write_text(MRML)
     with in_the_view():
         bpy.ops.rle_splat.import_presets(filepath=str(path), overwrite=True)
-        bpy.ops.rle_splat.save_own_preset(name="My Smoke", overwrite=True)
+        bpy.ops.rle_splat.save_user_preset(name="My Smoke", overwrite=True)
     shipped = import_module(f"{MODULE}.rle_splat.runtime.jit").shipped_level()
     # Gradient opacity has kernels of its own, which no thumbnail compiles.
     wanted = {"Rose", "Sea", "My Smoke"} if shipped else {"My Smoke"}
@@ -125,12 +125,12 @@ def check_dialogs(owner):
     """The dialogs: save as preset, several in a file, delete."""
     path = FOLDER / "presets.xml"
     for name, options in (
-        ("save_own_preset", {"name": "My Smoke"}),
-        ("load_transfer", {"filepath": str(path)}),
-        ("delete_own_preset", {"name": "Sea"}),
+        ("save_user_preset", {"name": "My Smoke"}),
+        ("load_transfer_function", {"filepath": str(path)}),
+        ("delete_user_preset", {"name": "Sea"}),
     ):
         with in_the_view():
-            kind = "EXEC_DEFAULT" if name == "load_transfer" else "INVOKE_DEFAULT"
+            kind = "EXEC_DEFAULT" if name == "load_transfer_function" else "INVOKE_DEFAULT"
             getattr(bpy.ops.rle_splat, name)(kind, **options)
         yield from photograph(name)
         for value in ("PRESS", "RELEASE") * 2:  # the first ends typing, where a dialog begins with that

@@ -168,7 +168,7 @@ def check_names():
         yield from settled()
     yield from photograph("names")
     assert {"R", "L", "S", "I"} <= texts() and len([text for text in texts() if len(text) > 1]) == 2, texts()
-    yield from press_button("bpy.ops.rle_splat.pick_label")
+    yield from press_button("bpy.ops.rle_splat.name_structure")
     region = region_of(area_of("VIEW_3D"), "WINDOW")
     x, y = region.x + region.width // 2, region.y + region.height // 2
     yield from click((x, y))

@@ -62,7 +62,7 @@ def add_cube(name, side, place):
             name="opaque", unit=None, opacity=((0.0, 0.9), (255.0, 0.9)),
             color=((0.0, 0.5, 0.5, 0.5), (255.0, 0.5, 0.5, 0.5)), opacity_unit_distance=0.02, shade=None))  # fmt: skip
         owner.rle_splat.label_file = write_labels(name, side, 0.5)
-        assert bpy.ops.rle_splat.read_labels() == {"FINISHED"}
+        assert bpy.ops.rle_splat.load_segments() == {"FINISHED"}
     for row, color in zip(owner.rle_splat.labels, SEGMENTS[name]):
         row.use_color, row.color = True, color
     return owner
@@ -158,7 +158,7 @@ def check_deleted():
     camera, near = scenes.add_camera((0.5, 0.5, 4.0)), bpy.data.objects["near"]
     scenes.activate(near)
     with in_the_view():
-        assert bpy.ops.rle_splat.set_backdrop(follow=True) == {"FINISHED"}
+        assert bpy.ops.rle_splat.preview_in_camera_view(follow=True) == {"FINISHED"}
     assert len(camera.data.background_images) == 1
     bpy.data.objects.remove(near)
     yield from until(lambda: not camera.data.background_images)

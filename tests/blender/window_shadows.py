@@ -78,7 +78,7 @@ def scenario():
     shadows = import_module(f"{MODULE}.bridge.render.mesh_shadows")
     with in_the_view():
         add_scene()
-        assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+        assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
     scene = bpy.context.scene
     yield
     grid = shadows.grids(scene)[0]
@@ -109,7 +109,7 @@ def scenario():
     yield from photograph("picture")
     with in_the_view():
         bpy.ops.ed.undo_push(message="before")
-        assert bpy.ops.rle_splat.remove_composite() == {"FINISHED"}
+        assert bpy.ops.rle_splat.remove_from_renders() == {"FINISHED"}
         bpy.ops.ed.undo_push(message="removed")
         assert not shadows.grids(bpy.context.scene)
         bpy.ops.ed.undo()

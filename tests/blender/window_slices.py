@@ -79,7 +79,7 @@ def set_up():
     voxels = np.where(inside, GRAY + 2 * x + y, 0).astype(np.uint8)
     with in_the_view():
         owner = scenes.import_raw(FOLDER, voxels, name="head")
-        assert bpy.ops.rle_splat.reload(orientation="LPS") == {"FINISHED"}
+        assert bpy.ops.rle_splat.reload_volume(orientation="LPS") == {"FINISHED"}
         scenes.load_color(FOLDER, (0.8, 0.45, 0.3), alpha=0.5)
     bpy.ops.ed.undo_push(message="start")
     yield from settled()
@@ -90,7 +90,7 @@ def check_four_up(name):
     """One button: three slices face their views as grays of the window, without the volume before them."""
     scenes.activate(bpy.data.objects[name])
     with in_the_view():
-        assert bpy.ops.rle_splat.four_up("EXEC_DEFAULT", True) == {"FINISHED"}
+        assert bpy.ops.rle_splat.four_up_view("EXEC_DEFAULT", True) == {"FINISHED"}
     yield from settled()
     bpy.data.objects[name].rle_splat.slice_center = 127.5
     bpy.data.objects[name].rle_splat.slice_width = 255.0
@@ -180,7 +180,7 @@ def check_back(name):
     """The same button leaves the quad view, and the volume is shown with its slices again."""
     scenes.activate(bpy.data.objects[name])
     with in_the_view():
-        assert bpy.ops.rle_splat.four_up("EXEC_DEFAULT", True) == {"FINISHED"}
+        assert bpy.ops.rle_splat.four_up_view("EXEC_DEFAULT", True) == {"FINISHED"}
     assert area_of("VIEW_3D").spaces.active.overlay.show_text, "as before"
     yield from settled()
     bpy.data.objects[name].rle_splat.slices_clear_black = True

@@ -55,7 +55,7 @@ def scene_with_camera():
 
 def backdrop(**options):
     with in_the_view():
-        assert bpy.ops.rle_splat.set_backdrop(**options) == {"FINISHED"}
+        assert bpy.ops.rle_splat.preview_in_camera_view(**options) == {"FINISHED"}
 
 
 def settings():
@@ -94,7 +94,7 @@ def hidden_layer():
     collection.objects.link(owner)
     bpy.context.scene.collection.objects.unlink(owner)
     with in_the_view():
-        bpy.ops.rle_splat.composite()
+        bpy.ops.rle_splat.show_in_renders()
     bpy.context.view_layer.layer_collection.children["scan"].exclude = True
     bpy.ops.render.render()
     assert "excluded from view layer" in settings().message, settings().message
@@ -106,7 +106,7 @@ def failed_frame():
     yield from scene_with_camera()
     owner = add_ball("ball")
     with in_the_view():
-        bpy.ops.rle_splat.composite()
+        bpy.ops.rle_splat.show_in_renders()
     right, scene = owner.rle_splat.filepath, bpy.context.scene
 
     def change_file(scene, *_):
@@ -185,11 +185,11 @@ def undone_settings():
         bpy.ops.ed.undo_push(message="imported")
         owner.rle_splat.opacity_scale = 0.05
         bpy.ops.ed.undo_push(message="opacity")
-        bpy.ops.rle_splat.set_backdrop()
+        bpy.ops.rle_splat.preview_in_camera_view()
         bpy.ops.ed.undo_push(message="backdrop")
         bpy.context.object.rle_splat.opacity_scale = 2.0
         bpy.ops.ed.undo_push(message="opacity again")
-        bpy.ops.rle_splat.set_backdrop()
+        bpy.ops.rle_splat.preview_in_camera_view()
         bpy.ops.ed.undo()
     freshness = import_module(f"{MODULE}.bridge.pictures.outdated")
     yield from until(lambda: freshness.out_of_date(bpy.context.scene))
@@ -246,7 +246,7 @@ def missing_file():
     away.rename(path)
     bpy.context.view_layer.objects.active = bpy.data.objects["gone"]
     with in_the_view():
-        bpy.ops.rle_splat.relocate("EXEC_DEFAULT", filepath=str(path), use_dialog=False)
+        bpy.ops.rle_splat.relocate_volume("EXEC_DEFAULT", filepath=str(path), use_dialog=False)
     yield from until(lambda: not live.problem_of(area_of("VIEW_3D")) and len(viewport._contents) == 2)
     yield from until(lambda: not viewport.is_busy)
     yield from photograph("12-file-found-again")

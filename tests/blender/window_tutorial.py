@@ -99,7 +99,7 @@ def scenario():
 
     began = time.perf_counter()
     with in_the_view():
-        assert bpy.ops.rle_splat.import_folder(directory=str(folder), hide_table=True) == {"FINISHED"}
+        assert bpy.ops.rle_splat.import_dicom_series(directory=str(folder), hide_table=True) == {"FINISHED"}
     volume = bpy.context.view_layer.objects.active
     look_from(80.0, 25.0, 0.6)
     yield from settled()
@@ -110,7 +110,7 @@ def scenario():
     with in_the_view():
         assert bpy.ops.rle_splat.apply_preset(preset="ct-bone") == {"FINISHED"}
         if folder != SCAN:  # the practice scan has no head holder that the import would hide
-            assert bpy.ops.rle_splat.remove_table() == {"FINISHED"}
+            assert bpy.ops.rle_splat.hide_table() == {"FINISHED"}
         assert bpy.ops.rle_splat.change_segment(tool="GROW", length=GROW) == {"FINISHED"}
     volume.rle_splat.shift_by, volume.rle_splat.opacity_unit_distance = SHIFT, OPAQUE
     yield from wait_for_rest()
@@ -121,7 +121,7 @@ def scenario():
         assert bpy.ops.rle_splat.frame_volume(side="A") == {"FINISHED"}
     yield from settled()
     with in_the_view():
-        assert bpy.ops.rle_splat.clip_to_view() == {"FINISHED"}
+        assert bpy.ops.rle_splat.cut_along_view() == {"FINISHED"}
     scene.rle_splat.ambient_occlusion = 1.0
     volume.rle_splat.specular, volume.rle_splat.diffuse = DULL
     scene.rle_splat.quality, scene.rle_splat.smooth_outlines = "fine", True
@@ -141,7 +141,7 @@ def scenario():
 
     began = time.perf_counter()
     with in_the_view():
-        assert bpy.ops.rle_splat.gray_on_cut() == {"FINISHED"}
+        assert bpy.ops.rle_splat.gray_values_on_cut() == {"FINISHED"}
     volume.rle_splat.slices_clear_black = True
     volume.rle_splat.slice_center, volume.rle_splat.slice_width = LEVEL, WINDOW
     area_of("VIEW_3D").spaces.active.region_3d.view_perspective = "PERSP"
@@ -160,7 +160,7 @@ def scenario():
     yield from settled()
     camera_to_view(scene)
     with in_the_view():
-        assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+        assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
         assert bpy.ops.rle_splat.add_letters() == {"FINISHED"}
         assert bpy.ops.rle_splat.add_lights(kind="SOFT") == {"FINISHED"}
     yield from settled()

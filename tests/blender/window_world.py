@@ -55,7 +55,7 @@ def add_scene(folder: Path):
     scene = scenes.use_cycles((SIZE, SIZE))
     scene.collection.objects.link(sun)
     bpy.context.view_layer.objects.active = owner
-    assert bpy.ops.rle_splat.composite() == {"FINISHED"}
+    assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
 
 
 def shown(path: Path):

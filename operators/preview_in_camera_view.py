@@ -15,8 +15,8 @@ from .refusal import needs
 from .through_camera import evaluated, has_volume_and_camera, is_looked_through, look_through_camera, report_picture
 
 
-class RLE_SPLAT_OT_set_backdrop(StepwiseOperator, bpy.types.Operator):
-    bl_idname = "rle_splat.set_backdrop"
+class RLE_SPLAT_OT_preview_in_camera_view(StepwiseOperator, bpy.types.Operator):
+    bl_idname = "rle_splat.preview_in_camera_view"
     bl_label = "Preview in Camera View"
     bl_description = (
         "Show a picture of the volume in the active camera's view, aligned to the pixel. Renders do not include it"
@@ -95,8 +95,8 @@ class RLE_SPLAT_OT_set_backdrop(StepwiseOperator, bpy.types.Operator):
             self.report({"INFO"}, "No 3D viewport looks through the camera; press Numpad 0 in one to see the picture.")
 
 
-class RLE_SPLAT_OT_remove_backdrop(bpy.types.Operator):
-    bl_idname = "rle_splat.remove_backdrop"
+class RLE_SPLAT_OT_remove_from_camera_view(bpy.types.Operator):
+    bl_idname = "rle_splat.remove_from_camera_view"
     bl_label = "Remove from Camera View"
     bl_description = "Remove the volume's picture from the active camera's view"
     bl_options = {"REGISTER", "UNDO"}

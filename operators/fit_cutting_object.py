@@ -9,15 +9,15 @@ from ..bridge.data.settings import scene_scale_of
 from ..bridge.scene import clip_handles
 from ..bridge.volumes import volumes
 from ..bridge.volumes.attached import volume_frame
-from .add_clip import FIT, fitted
+from .add_cutting_object import FIT, fitted
 from .reading import LoadsFirst
 from .refusal import has_volume, needs, refuses
 
 
-class RLE_SPLAT_OT_fit_clip(LoadsFirst, bpy.types.Operator):
+class RLE_SPLAT_OT_fit_cutting_object(LoadsFirst, bpy.types.Operator):
     """Fit the cutting box to the whole volume, or to what is visible of it"""
 
-    bl_idname = "rle_splat.fit_clip"
+    bl_idname = "rle_splat.fit_cutting_object"
     bl_label = "Fit to Volume"
     bl_options = {"REGISTER", "UNDO"}
 

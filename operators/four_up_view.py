@@ -14,11 +14,11 @@ from .use_window_tool import TOOL
 HAD_TEXT = "rle_splat_had_text"  # custom property of a screen: whether its viewport had Blender's text before
 
 
-class RLE_SPLAT_OT_four_up(LoadsFirst, bpy.types.Operator):
+class RLE_SPLAT_OT_four_up_view(LoadsFirst, bpy.types.Operator):
     """Show an axial, a coronal and a sagittal slice (MPR) beside the volume, linked by lines where they cross. The
     wheel over one moves it, dragging changes window and level. Click again for one view"""
 
-    bl_idname = "rle_splat.four_up"
+    bl_idname = "rle_splat.four_up_view"
     bl_label = "Four-Up View"
     bl_options = {"REGISTER", "UNDO"}
 

@@ -8,14 +8,14 @@ from ..bridge.look import transfer
 from ..bridge.volumes import volumes
 from ..rle_splat.classify.presets import RELATIVE
 from ..rle_splat.classify.transfer_files import choose_function, fit_function, read_transfer_functions
-from .choose_transfer import FILES, choose
+from .choose_transfer_function import FILES, choose
 from .refusal import has_editable_values, has_volume, refuses
 
 
-class RLE_SPLAT_OT_load_transfer(bpy.types.Operator, ImportHelper):
+class RLE_SPLAT_OT_load_transfer_function(bpy.types.Operator, ImportHelper):
     """Read the volume's transfer function from a file of RLE Splat, 3D Slicer, niivue or FSL"""
 
-    bl_idname = "rle_splat.load_transfer"
+    bl_idname = "rle_splat.load_transfer_function"
     bl_label = "Load Transfer Function"
     bl_options = {"REGISTER", "UNDO"}
 
@@ -42,10 +42,10 @@ class RLE_SPLAT_OT_load_transfer(bpy.types.Operator, ImportHelper):
         return {"FINISHED"}
 
 
-class RLE_SPLAT_OT_save_transfer(bpy.types.Operator, ExportHelper):
+class RLE_SPLAT_OT_save_transfer_function(bpy.types.Operator, ExportHelper):
     """Write the volume's transfer function at the current frame to a JSON file"""
 
-    bl_idname = "rle_splat.save_transfer"
+    bl_idname = "rle_splat.save_transfer_function"
     bl_label = "Save Transfer Function"
 
     filename_ext = ".json"

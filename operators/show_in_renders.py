@@ -16,8 +16,8 @@ from .refusal import needs, refuses
 from .through_camera import has_volume_and_camera
 
 
-class RLE_SPLAT_OT_composite(LoadsFirst, bpy.types.Operator):
-    bl_idname = "rle_splat.composite"
+class RLE_SPLAT_OT_show_in_renders(LoadsFirst, bpy.types.Operator):
+    bl_idname = "rle_splat.show_in_renders"
     bl_label = "Show in Renders"
     bl_description = (
         "Include this scene's volumes in every render (F12), with meshes in front of, inside and behind them"
@@ -66,8 +66,8 @@ class RLE_SPLAT_OT_composite(LoadsFirst, bpy.types.Operator):
         return {"FINISHED"}
 
 
-class RLE_SPLAT_OT_remove_composite(bpy.types.Operator):
-    bl_idname = "rle_splat.remove_composite"
+class RLE_SPLAT_OT_remove_from_renders(bpy.types.Operator):
+    bl_idname = "rle_splat.remove_from_renders"
     bl_label = "Remove from Renders"
     bl_description = "Leave volumes out of renders. Removes their nodes from the compositor; other nodes stay"
     bl_options = {"REGISTER", "UNDO"}

@@ -15,13 +15,13 @@ from .reading import ReadsFiles
 from .refusal import has_editable_volume
 
 
-class RLE_SPLAT_OT_relocate(ReadsFiles, bpy.types.Operator, ImportHelper):
+class RLE_SPLAT_OT_relocate_volume(ReadsFiles, bpy.types.Operator, ImportHelper):
     """Choose the volume's file at its new place, or open its folder. It is read with the options of the import"""
 
-    bl_idname = "rle_splat.relocate"
+    bl_idname = "rle_splat.relocate_volume"
     bl_label = "Relocate Volume"
 
-    operator_again = "relocate"
+    operator_again = "relocate_volume"
 
     filter_glob: StringProperty(default=";".join("*" + suffix for suffix in LAST_SUFFIXES), options={"HIDDEN"})
     series: IntProperty(

@@ -7,10 +7,10 @@ from ..bridge.volumes import volumes
 from .refusal import has_editable_transfer, needs
 
 
-class RLE_SPLAT_OT_own_transfer(bpy.types.Operator):
+class RLE_SPLAT_OT_make_single_user(bpy.types.Operator):
     """Give this volume its own copy of the transfer function, so that edits no longer change other volumes"""
 
-    bl_idname = "rle_splat.own_transfer"
+    bl_idname = "rle_splat.make_single_user"
     bl_label = "Make Single-User Copy"
     bl_options = {"REGISTER", "UNDO"}
 
@@ -25,10 +25,10 @@ class RLE_SPLAT_OT_own_transfer(bpy.types.Operator):
         return {"FINISHED"}
 
 
-class RLE_SPLAT_OT_keyframe_transfer(bpy.types.Operator):
+class RLE_SPLAT_OT_keyframe_transfer_function(bpy.types.Operator):
     """Insert keyframes on the colors, the opacity curve, the window and the shading at the current frame"""
 
-    bl_idname = "rle_splat.keyframe_transfer"
+    bl_idname = "rle_splat.keyframe_transfer_function"
     bl_label = "Insert Keyframes"
     bl_options = {"REGISTER", "UNDO"}
 

@@ -6,11 +6,11 @@ from ..rle_splat.segment.body import body_steps
 from .segmenting import MakesSegments
 
 
-class RLE_SPLAT_OT_remove_table(MakesSegments, bpy.types.Operator):
+class RLE_SPLAT_OT_hide_table(MakesSegments, bpy.types.Operator):
     """Hide the table, the head holder and blankets of a CT scan. Arms and hands that are separate from the trunk can
     be hidden with them; the eye of Background shows all of it again"""
 
-    bl_idname = "rle_splat.remove_table"
+    bl_idname = "rle_splat.hide_table"
     bl_label = "Hide Table"
 
     hide = "BACKGROUND"

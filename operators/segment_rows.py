@@ -7,10 +7,10 @@ from ..bridge.volumes import labels, volumes
 from .refusal import has_editable_volume, has_segments, needs, refuse
 
 
-class RLE_SPLAT_OT_clear_labels(bpy.types.Operator):
+class RLE_SPLAT_OT_clear_segments(bpy.types.Operator):
     """Remove the segmentation file and its segments from the volume. The file itself stays"""
 
-    bl_idname = "rle_splat.clear_labels"
+    bl_idname = "rle_splat.clear_segments"
     bl_label = "Clear Segments"
     bl_options = {"REGISTER", "UNDO"}
 
@@ -29,10 +29,10 @@ class RLE_SPLAT_OT_clear_labels(bpy.types.Operator):
         return {"FINISHED"}
 
 
-class RLE_SPLAT_OT_solo_label(bpy.types.Operator):
+class RLE_SPLAT_OT_show_segment_alone(bpy.types.Operator):
     """Show only this segment. Click again to show all"""
 
-    bl_idname = "rle_splat.solo_label"
+    bl_idname = "rle_splat.show_segment_alone"
     bl_label = "Show Segment Alone"
     bl_options = {"REGISTER", "UNDO"}
 
@@ -50,11 +50,11 @@ class RLE_SPLAT_OT_solo_label(bpy.types.Operator):
         return {"FINISHED"}
 
 
-class RLE_SPLAT_OT_color_anatomy(bpy.types.Operator):
+class RLE_SPLAT_OT_color_by_anatomy(bpy.types.Operator):
     """Color segments by their names as in anatomical atlases: bones and organs opaque, skin, muscles, fat and lungs
     transparent. Other segments keep their colors or get distinct ones, and what is in no segment is hidden"""
 
-    bl_idname = "rle_splat.color_anatomy"
+    bl_idname = "rle_splat.color_by_anatomy"
     bl_label = "Color by Anatomy"
     bl_options = {"REGISTER", "UNDO"}
 

@@ -12,11 +12,11 @@ from .refusal import NO_VOLUME, needs, refuse, refuses
 REST = 20.0  # seconds without a move until the mouse is no longer followed
 
 
-class RLE_SPLAT_OT_probe(bpy.types.Operator):
+class RLE_SPLAT_OT_value_at_surface(bpy.types.Operator):
     """Show the value, voxel, position and segment at the first visible surface along a ray; in a viewport, under the
     mouse, as with the tool Window and Level"""
 
-    bl_idname = "rle_splat.probe"
+    bl_idname = "rle_splat.value_at_surface"
     bl_label = "Value at Surface"
     bl_options = set()
 

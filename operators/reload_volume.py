@@ -17,13 +17,13 @@ AS_BEFORE = "Read the volume's file again, with the options of the import"
 WITH_OTHERS = "Read the volume's file again with other options, such as spacing, unit, orientation and flips"
 
 
-class RLE_SPLAT_OT_reload(ReadsFiles, source_options.SourceOptions, bpy.types.Operator):
+class RLE_SPLAT_OT_reload_volume(ReadsFiles, source_options.SourceOptions, bpy.types.Operator):
     """Read the volume's file again, with the options of the import or with others"""
 
-    bl_idname = "rle_splat.reload"
+    bl_idname = "rle_splat.reload_volume"
     bl_label = "Reload Volume"
 
-    operator_again = "reload"
+    operator_again = "reload_volume"
 
     use_dialog: BoolProperty(
         name="Dialog", description="Ask for spacing, unit, orientation and flips before reading", default=False,

@@ -81,11 +81,11 @@ def visible_corners(owner, scene) -> np.ndarray:
     return (2.0 * box.CORNERS - 1.0) @ matrix[:3, :3].T + matrix[:3, 3]
 
 
-class RLE_SPLAT_OT_add_clip(LoadsFirst, bpy.types.Operator):
+class RLE_SPLAT_OT_add_cutting_object(LoadsFirst, bpy.types.Operator):
     """Add an Empty that cuts the volume: a box fitted to it, or a rectangle at its center with an arrow that points to
     the side that is removed"""
 
-    bl_idname = "rle_splat.add_clip"
+    bl_idname = "rle_splat.add_cutting_object"
     bl_label = "Add Cutting Object"
     bl_options = {"REGISTER", "UNDO"}
 

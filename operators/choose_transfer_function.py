@@ -20,7 +20,7 @@ def choose(path: str, found) -> set:
     """Show the dialog for the transfer functions ``found`` in the file ``path``; the result for ``execute``."""
     names = [one.function.name for one in found]
     _items[:] = [EVERY] + [(name, name, "Apply this one to the volume") for name in names]
-    bpy.ops.rle_splat.choose_transfer("INVOKE_DEFAULT", filepath=path)
+    bpy.ops.rle_splat.choose_transfer_function("INVOKE_DEFAULT", filepath=path)
     return {"CANCELLED"}  # nothing has changed yet
 
 
@@ -28,10 +28,10 @@ def _choices(_operator, _context):
     return _items or [EVERY]
 
 
-class RLE_SPLAT_OT_choose_transfer(bpy.types.Operator):
+class RLE_SPLAT_OT_choose_transfer_function(bpy.types.Operator):
     """Choose which transfer function of a file to apply, or keep all as presets"""
 
-    bl_idname = "rle_splat.choose_transfer"
+    bl_idname = "rle_splat.choose_transfer_function"
     bl_label = "Choose a Transfer Function"
     bl_options = {"INTERNAL"}
 
@@ -55,7 +55,7 @@ class RLE_SPLAT_OT_choose_transfer(bpy.types.Operator):
     def execute(self, _context):
         if self.choice == EVERY[0]:
             return bpy.ops.rle_splat.import_presets(filepath=self.filepath, overwrite=self.overwrite)
-        return bpy.ops.rle_splat.load_transfer("EXEC_DEFAULT", True, filepath=self.filepath, name=self.choice)
+        return bpy.ops.rle_splat.load_transfer_function("EXEC_DEFAULT", True, filepath=self.filepath, name=self.choice)
 
 
 class RLE_SPLAT_OT_import_presets(bpy.types.Operator, ImportHelper):

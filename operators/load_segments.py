@@ -10,10 +10,10 @@ from .reading import TOO_LARGE
 from .refusal import has_editable_values, needs
 
 
-class RLE_SPLAT_OT_read_labels(StepwiseOperator, bpy.types.Operator):
+class RLE_SPLAT_OT_load_segments(StepwiseOperator, bpy.types.Operator):
     """Read the segments of the segmentation file into the list, where each has an eye, a color and an opacity"""
 
-    bl_idname = "rle_splat.read_labels"
+    bl_idname = "rle_splat.load_segments"
     bl_label = "Load Segments"
     bl_options = {"UNDO"}  # without REGISTER: Adjust Last Operation (F9) would read the file again
 

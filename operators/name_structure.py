@@ -8,7 +8,7 @@ from mathutils import Vector
 from ..bridge.scene.callouts import SEGMENT
 from ..bridge.volumes import volumes
 from ..rle_splat.scene import RleSplatError
-from .add_clip import visible_corners
+from .add_cutting_object import visible_corners
 from .callout_objects import callouts_of, in_picture, labels_in_picture, lay_out, place_label
 from .picking import PicksSurface
 from .reading import LoadsFirst
@@ -16,11 +16,11 @@ from .refusal import refuses
 from .through_camera import has_volume_and_camera
 
 
-class RLE_SPLAT_OT_pick_label(PicksSurface, bpy.types.Operator):
+class RLE_SPLAT_OT_name_structure(PicksSurface, bpy.types.Operator):
     """Click on a structure of the volume in a 3D viewport, and type its name: a text and a line to it, as objects that
     turn with the camera"""
 
-    bl_idname = "rle_splat.pick_label"
+    bl_idname = "rle_splat.name_structure"
     bl_label = "Name Structure"
     bl_options = set()
 

@@ -7,10 +7,10 @@ from ..bridge.look import thumbnails
 from ..rle_splat.runtime.memory import bytes_text
 
 
-class RLE_SPLAT_OT_clear_kernels(bpy.types.Operator):
+class RLE_SPLAT_OT_clear_cache(bpy.types.Operator):
     """Delete the compiled code and the thumbnails of scans on disk. They are made again when they are needed next"""
 
-    bl_idname = "rle_splat.clear_kernels"
+    bl_idname = "rle_splat.clear_cache"
     bl_label = "Clear Cache"
     bl_options = set()
 

@@ -24,11 +24,11 @@ def shows_values(scene, owner) -> bool:
     return bool(found) and all(cut_slices.slices_of(scene, one) for one in found)
 
 
-class RLE_SPLAT_OT_gray_on_cut(LoadsFirst, bpy.types.Operator):
+class RLE_SPLAT_OT_gray_values_on_cut(LoadsFirst, bpy.types.Operator):
     """Show in gray the values where the cuts go through what is visible, and through what that encloses. Click again to
     remove them. Level, Window and Transparent Black are those of the volume's slices"""
 
-    bl_idname = "rle_splat.gray_on_cut"
+    bl_idname = "rle_splat.gray_values_on_cut"
     bl_label = "Gray Values on Cut"
     bl_options = {"REGISTER", "UNDO"}
 
