@@ -128,7 +128,7 @@ def picture_and_depth(folder: Path) -> None:
         height=PYTHON,
         volume_matrix=matrix,
         labels=rs.body_labels(volume, function),
-        smooth_outlines=True,
+        antialias=True,
     )
     made = rs.render(scene, rs.Quality.preset("fine"))
     seen = made.rgba[..., 3] > 0.5

@@ -26,7 +26,7 @@ class PicturePanel:
         column.use_property_split = False  # else the names would be cut off
         row = column.row()
         row.active = not settings.max_error
-        row.prop(settings, "smooth_outlines")
+        row.prop(settings, "antialias")
         column.prop(settings, "meshes_occlude")
         draw_outdated(context, layout)
         # A backdrop that follows the scene clears ``message``; ``render_problem`` stays until the next render.

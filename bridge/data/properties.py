@@ -243,8 +243,8 @@ class SceneSettings(bpy.types.PropertyGroup):
     meshes_occlude: LiveBool(
         name="Meshes Hide Volume", default=True,
         description="Let meshes hide the part of the volume behind them, also inside the volume")  # fmt: skip
-    smooth_outlines: LiveBool(
-        name="Smooth Outlines", default=False,
+    antialias: LiveBool(
+        name="Anti-Aliasing", default=False,
         description="Render without steps at the edges of the volume: the mean of four pictures, shifted by parts of a "
         "pixel. Takes up to five times as long. Viewports do not show it")  # fmt: skip
     backdrop_depth: EnumProperty(

@@ -102,7 +102,7 @@ def _in_picture(volume_object, depsgraph, view, in_region: bool, moving: bool, c
         volume_object, depsgraph, view,
         crop=frame_crop(depsgraph.scene_eval.render) if in_region else None,
         motion=motion,
-        smooth_outlines=depsgraph.scene_eval.rle_splat.smooth_outlines and not has_truth,
+        antialias=depsgraph.scene_eval.rle_splat.antialias and not has_truth,
         reasons_off={"motion blur": still_because} if still_because else {},
         **of_view,
     )  # fmt: skip
@@ -138,7 +138,7 @@ def seen_by(
     ahead : int
         Frames of the timeline after the depsgraph's time, of the voxels and labels.
     **of_view
-        Further fields of Scene: triangles, panes, crop, motion, smooth_outlines.
+        Further fields of Scene: triangles, panes, crop, motion, antialias.
 
     Raises
     ------

@@ -62,7 +62,7 @@ def add_arguments(parser) -> None:
         "while the shutter is open",
     )
     parser.add_argument(
-        "--smooth-outlines", action="store_true",
+        "--antialias", action="store_true",
         help="no steps at the edges of the volume: the mean of four pictures, shifted by parts of a pixel")  # fmt: skip
     options.add_clip_option(parser)
     light_options.add_light_effect_options(parser)
@@ -211,7 +211,7 @@ def prepare(args, checked: Checked, line, like: Like | None = None) -> tuple[Pre
     else:
         prepared, like = _prepare_voxels(args, checked, line, like)
     further = read_further(args, prepared.scene.volume, line)
-    scene = replace(prepared.scene, smooth_outlines=args.smooth_outlines)
+    scene = replace(prepared.scene, antialias=args.antialias)
     scene = mix(args, moving(scene, checked.poses), checked.mixing, further)
     remarks, table = (*prepared.remarks, *further.remarks), None
     if not checked.is_encoded:

@@ -1,4 +1,4 @@
-"""Depth of field, motion blur and smooth outlines: the mean of sharp pictures, through points of the lens, at
+"""Depth of field, motion blur and anti-aliasing: the mean of sharp pictures, through points of the lens, at
 times of the shutter, and shifted by parts of a pixel.
 """
 
@@ -10,9 +10,9 @@ import numpy as np
 from ..runtime.steps import rescale
 from ..scene import Rendering, Scene
 from ..scene.changed import change
+from .antialias import antialias_pictures, shifted
 from .lens import DEPTH_OF_FIELD, lens_pictures, lens_points, see_through_lens
 from .motion import MOTION_BLUR, at_time, motion_pictures
-from .outlines import outline_pictures, shifted
 
 # Spreads times evenly, and apart from the golden angles by which the lens's points turn.
 SILVER = 2.0**0.5 - 1.0
@@ -46,8 +46,8 @@ BLURS = (
          MOTION_BLUR.without),
     Blur("depth of field", lens_pictures, lambda scene, point, time, number: see_through_lens(scene, point),
          DEPTH_OF_FIELD.without),
-    Blur("smooth outlines", outline_pictures, lambda scene, point, time, number: shifted(scene, number),
-         lambda scene: change(scene, smooth_outlines=False)),
+    Blur("anti-aliasing", antialias_pictures, lambda scene, point, time, number: shifted(scene, number),
+         lambda scene: change(scene, antialias=False)),
 )  # fmt: skip
 
 

@@ -140,8 +140,8 @@ def _panel_steps(scene, quality: Quality, cache: StageCache, n: int, count: int)
         return Progress(LAYOUT * (n + step.fraction) / count, which + step.message)
 
     times = _times(scene)
-    smooth = scene.smooth_outlines and times == 1  # the mean of finer pixels is smooth already
-    finer = replace(scene, width=times * scene.width, height=times * scene.height, smooth_outlines=smooth)
+    smooth = scene.antialias and times == 1  # the mean of finer pixels is smooth already
+    finer = replace(scene, width=times * scene.width, height=times * scene.height, antialias=smooth)
     return (yield from map_steps(render_steps(finer, quality, cache=cache), show_step))
 
 

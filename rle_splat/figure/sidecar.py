@@ -49,7 +49,7 @@ HELD = {
     "headlight": bool, "effects": dict,
     "motion": lambda given: tuple(from_mapping(Pose, one, "A pose of the sidecar") for one in given),
     "clips": lambda given: tuple(from_mapping(Clip, one, "A cutting object of the sidecar") for one in given),
-    "mode": str, "smooth_outlines": bool,
+    "mode": str, "antialias": bool,
     "mist": lambda given: from_mapping(Mist, given, "The sidecar's mist"), "volume_shadows": bool,
     "world": tuple, "environment": lambda given: from_mapping(Environment, given, "The sidecar's environment"),
     "ambient_occlusion": float, "indirect_light": float,

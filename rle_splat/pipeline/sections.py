@@ -102,7 +102,7 @@ def _check(scene: Scene) -> None:
         )
     if len(list_exposures(scene)) > 1:
         raise RleSplatError(
-            "Depth of field, motion blur and smooth outlines mix many pictures, and slabs make one; leave them out, or "
+            "Depth of field, motion blur and anti-aliasing mix many pictures, and slabs make one; leave them out, or "
             "remove --slabs."
         )
 

@@ -33,7 +33,7 @@ LEAST_SLABS = 4
 KNOWN = {
     "volume", "transfer_function", "camera", "width", "height", "volume_matrix", "scene_scale", "lights", "headlight",
     "triangles", "ray_ends", "panes", "pane_shares", "crop", "effects", "motion", "clips", "volume_shadows", "world",
-    "environment", "ambient_occlusion", "indirect_light", "channels", "labels", "reasons_off", "smooth_outlines",
+    "environment", "ambient_occlusion", "indirect_light", "channels", "labels", "reasons_off", "antialias",
 }  # fmt: skip
 
 

@@ -114,8 +114,8 @@ class Scene:
         What a pixel shows of the values along its ray.
     mist : Mist or None
         Color that hides what is far away.
-    smooth_outlines : bool
-        Whether outlines are smooth: the picture is the mean of four, each shifted by a part of a pixel.
+    antialias : bool
+        Whether edges have no steps: the picture is the mean of four, each shifted by a part of a pixel.
     volume_shadows : bool
         Whether lights that cast shadows cast them in the volume: shadows of the volume itself and of the meshes.
     world : (3,) tuple of float or None
@@ -161,7 +161,7 @@ class Scene:
     clips: tuple = ()
     mode: Mode = "composite"
     mist: Mist | None = None
-    smooth_outlines: bool = False
+    antialias: bool = False
     volume_shadows: bool = False
     world: tuple | None = None
     environment: Environment | None = None
@@ -192,8 +192,8 @@ class Scene:
             if not isinstance(value, (int, np.integer)) or not 1 <= value <= 65536:
                 raise RleSplatError(f"The image's {name} must be a whole number from 1 to 65536, not {value!r}.")
             object.__setattr__(self, name, int(value))
-        if not isinstance(self.smooth_outlines, bool):
-            raise RleSplatError(f"smooth_outlines must be true or false, not {short(self.smooth_outlines)}.")
+        if not isinstance(self.antialias, bool):
+            raise RleSplatError(f"antialias must be true or false, not {short(self.antialias)}.")
         if self.crop is not None:
             object.__setattr__(self, "crop", check_crop(self.crop, self.width, self.height))
         if not (isinstance(self.effects, dict) and all(isinstance(on, bool) for on in self.effects.values())):

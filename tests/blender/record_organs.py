@@ -127,7 +127,7 @@ def tutorial_of_organs():
     lamp("SUN", "Sun", 3.0, (0.32, -0.5, 0.4), angle=radians(3.0))
     lamp("AREA", "Rim", 8.0, (0.4, 0.4, 0.3), size=0.25, color=(0.62, 0.78, 1.0), use_shadow=False)
     ours.lighting, scene.rle_splat.ambient_occlusion, scene.rle_splat.quality = "SCENE", 0.7, "fine"
-    scene.rle_splat.smooth_outlines = True
+    scene.rle_splat.antialias = True
     camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
     scene.collection.objects.link(camera)
     look_from(80.0, 35.0, 2.2)  # a camera sees half of what a viewport does

@@ -144,7 +144,7 @@ def first_picture():
     scan = shutil.copy(DATA / BRAIN, Path(tempfile.mkdtemp()) / "FLAIR.nrrd")
     with in_the_view():
         assert bpy.ops.rle_splat.import_volume(filepath=str(scan)) == {"FINISHED"}
-    scene.rle_splat.quality, scene.rle_splat.smooth_outlines = "fine", True
+    scene.rle_splat.quality, scene.rle_splat.antialias = "fine", True
     view = area_of("VIEW_3D").spaces.active.region_3d
     view.view_rotation, view.view_distance = Euler((1.2, 0.0, 0.6)).to_quaternion(), 0.8 * view.view_distance
     yield from settled()

@@ -1,4 +1,4 @@
-"""Depth of field, motion blur and smooth outlines as Blender's camera, render settings and animation say them."""
+"""Depth of field, motion blur and anti-aliasing as Blender's camera, render settings and animation say them."""
 
 import bpy
 import numpy as np
@@ -145,13 +145,13 @@ def curves_of(owner):
     return bag.fcurves
 
 
-def test_smooth_outlines_are_those_of_the_scene_without_a_maximum_error(blot, bridge):
+def test_anti_aliasing_is_that_of_the_scene_without_a_maximum_error(blot, bridge):
     settings = bpy.context.scene.rle_splat
-    assert not plain_scene(bridge, blot).smooth_outlines
+    assert not plain_scene(bridge, blot).antialias
     before = picture(blot)
-    settings.smooth_outlines = True
-    assert plain_scene(bridge, blot).smooth_outlines
+    settings.antialias = True
+    assert plain_scene(bridge, blot).antialias
     after = picture(blot)
     assert 0.0 < np.abs(after - before).max() < 0.2 and after.sum() == pytest.approx(before.sum(), rel=0.01)
     settings.max_error = 4.0
-    assert not plain_scene(bridge, blot).smooth_outlines
+    assert not plain_scene(bridge, blot).antialias

@@ -124,7 +124,7 @@ def scenario():
         assert bpy.ops.rle_splat.cut_along_view() == {"FINISHED"}
     scene.rle_splat.ambient_occlusion = 1.0
     volume.rle_splat.specular, volume.rle_splat.diffuse = DULL
-    scene.rle_splat.quality, scene.rle_splat.smooth_outlines = "fine", True
+    scene.rle_splat.quality, scene.rle_splat.antialias = "fine", True
     bpy.context.view_layer.objects.active = volume
     area_of("VIEW_3D").spaces.active.region_3d.view_perspective = "ORTHO"
     look_from(90.0, 0.0, 0.22)

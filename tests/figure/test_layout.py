@@ -441,7 +441,7 @@ def test_pictures_are_the_means_of_finer_ones(drawing, balls):
 
 
 def test_finer_pictures_are_not_smoothed_twice(drawing, balls):
-    plain, smooth = (drawing.made(drawing.scene(balls(), smooth_outlines=on)) for on in (False, True))
+    plain, smooth = (drawing.made(drawing.scene(balls(), antialias=on)) for on in (False, True))
     assert np.array_equal(plain.renderings[0].rgba, smooth.renderings[0].rgba)
 
 

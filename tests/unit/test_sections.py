@@ -195,7 +195,7 @@ def test_a_quarter_along_z_opens_half_of_six_parts(scene, way):
 def test_a_blurred_picture_and_a_volume_in_memory_are_refused(scene):
     blurred = replace(scene("pre").camera, aperture_radius=0.2, focus_distance=10.0)
     for wrong, sentence in (
-        (scene("pre", camera=blurred), "Depth of field, motion blur and smooth outlines mix many pictures"),
+        (scene("pre", camera=blurred), "Depth of field, motion blur and anti-aliasing mix many pictures"),
         (scene_of(volume_of()), "Slabs are parts of a folder of tables"),
     ):
         with pytest.raises(RleSplatError, match=sentence):

@@ -65,7 +65,7 @@ def check_tolerance_applies(scene: Scene, quality: Quality) -> None:
         )
     if len(list_exposures(scene)) > 1:
         raise RleSplatError(
-            "A tolerance is of a single picture: turn off depth of field, motion blur and smooth outlines, or choose a "
+            "A tolerance is of a single picture: turn off depth of field, motion blur and anti-aliasing, or choose a "
             "quality."
         )
 
@@ -97,4 +97,4 @@ def measurable_scene(scene: Scene, quality: Quality) -> Scene:
             "Accuracy is measured without shadows with the classification pre; turn off shadows and ambient occlusion, "
             "or choose post."
         )
-    return replace(scene, crop=None, smooth_outlines=False)
+    return replace(scene, crop=None, antialias=False)

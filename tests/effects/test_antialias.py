@@ -1,4 +1,4 @@
-"""Smooth outlines: shifts against the projection, and the picture against one with more pixels."""
+"""Anti-aliasing: shifts against the projection, and the picture against one with more pixels."""
 
 from dataclasses import replace
 
@@ -7,8 +7,8 @@ import pytest
 
 from rle_splat.accuracy.planner.checks import check_tolerance_applies, measurable_scene
 from rle_splat.classify.transfer_function import TransferFunction
+from rle_splat.effects.antialias import SHIFTS, shifted
 from rle_splat.effects.exposure import list_exposures
-from rle_splat.effects.outlines import SHIFTS, shifted
 from rle_splat.pipeline.render import render
 from rle_splat.scene import Camera, Quality, RleSplatError, Scene
 from rle_splat.view.projection import world_to_pixel
@@ -36,7 +36,7 @@ def ball(**more) -> Scene:
 @pytest.mark.parametrize("kind", ["PERSP", "ORTHO"])
 def test_pictures_are_shifted_by_parts_of_a_pixel(fit, pixel_aspect, kind):
     camera = Camera(type=kind, ortho_scale=6.0, sensor_fit=fit, pixel_aspect=pixel_aspect, shift_x=0.1, shift_y=-0.2)
-    scene = replace(ball(smooth_outlines=True), camera=camera, width=90, height=64)
+    scene = replace(ball(antialias=True), camera=camera, width=90, height=64)
     moves = []
     for number in range(5):
         found = world_to_pixel(shifted(scene, number).camera, 90, 64) @ (0.3, -0.2, -5.0, 1.0)
@@ -53,12 +53,12 @@ def test_edges_have_no_steps():
     wanted = fine.reshape(SIZE, 8, SIZE, 8).mean(axis=(1, 3))
     edge = (wanted > 0.02) & (wanted < 0.98)
     errors = [np.sqrt(np.mean((render(scene, Quality.preset("fine")).rgba[..., 3] - wanted)[edge] ** 2))
-              for scene in (ball(), ball(smooth_outlines=True))]  # fmt: skip
+              for scene in (ball(), ball(antialias=True))]  # fmt: skip
     assert edge.sum() > 100 and errors[1] < 0.5 * errors[0] and errors[1] < 0.1, errors
 
 
 def test_the_picture_is_the_mean_of_shifted_ones_with_the_depth_of_the_scene():
-    scene = ball(smooth_outlines=True)
+    scene = ball(antialias=True)
     one, other = render(scene, Quality.preset("draft")), render(ball(), Quality.preset("draft"))
     parts = [render(shifted(scene, number), Quality.preset("draft")).rgba.astype(np.float64) for number in range(4)]
     assert np.abs(one.rgba - np.mean(parts, axis=0)).max() < 1e-6 and np.abs(one.rgba - other.rgba).max() > 0.05
@@ -66,23 +66,23 @@ def test_the_picture_is_the_mean_of_shifted_ones_with_the_depth_of_the_scene():
 
 
 def test_each_picture_has_the_plan_of_a_single_one():
-    plans = [render(ball(smooth_outlines=on), Quality.preset("fine")).report["plan"] for on in (False, True)]
+    plans = [render(ball(antialias=on), Quality.preset("fine")).report["plan"] for on in (False, True)]
     assert plans[0]["rays"] > 0.0 and plans[0] == plans[1]
 
 
 def test_a_lens_has_them_without_more_pictures():
     camera = replace(ball().camera, type="PERSP", lens=50.0, aperture_radius=8.0, focus_distance=150.0)
-    blurred = [replace(ball(smooth_outlines=on), camera=camera) for on in (False, True)]
+    blurred = [replace(ball(antialias=on), camera=camera) for on in (False, True)]
     found = [list_exposures(one) for one in blurred]
     assert len(found[0]) == len(found[1]) > 4
-    assert not any(one.smooth_outlines for one in found[1])
+    assert not any(one.antialias for one in found[1])
     moved = [SIZE * (one.camera.shift_x - other.camera.shift_x) for other, one in zip(*found)]
     assert moved == pytest.approx([SHIFTS[number % 4][0] for number in range(len(moved))], abs=1e-9)
 
 
 def test_a_tolerance_and_measures_are_of_one_picture():
-    with pytest.raises(RleSplatError, match="smooth outlines"):
-        check_tolerance_applies(ball(smooth_outlines=True), Quality())
-    assert not measurable_scene(ball(smooth_outlines=True), Quality()).smooth_outlines
-    with pytest.raises(RleSplatError, match="smooth_outlines must be true or false"):
-        ball(smooth_outlines=1)
+    with pytest.raises(RleSplatError, match="anti-aliasing"):
+        check_tolerance_applies(ball(antialias=True), Quality())
+    assert not measurable_scene(ball(antialias=True), Quality()).antialias
+    with pytest.raises(RleSplatError, match="antialias must be true or false"):
+        ball(antialias=1)

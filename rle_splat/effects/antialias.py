@@ -1,4 +1,4 @@
-"""Smooth outlines: pictures shifted by parts of a pixel, whose mean has no steps at edges."""
+"""Anti-aliasing: pictures shifted by parts of a pixel, whose mean has no steps at edges."""
 
 from dataclasses import replace
 
@@ -10,9 +10,9 @@ from ..view.projection import find_fitted_side
 SHIFTS = ((-0.125, -0.375), (0.375, -0.125), (-0.375, 0.125), (0.125, 0.375))
 
 
-def outline_pictures(scene: Scene) -> int:
-    """How many pictures a scene takes for smooth outlines."""
-    return len(SHIFTS) if scene.smooth_outlines else 1
+def antialias_pictures(scene: Scene) -> int:
+    """How many pictures a scene takes for anti-aliasing."""
+    return len(SHIFTS) if scene.antialias else 1
 
 
 def shifted(scene: Scene, number: int) -> Scene:
@@ -23,4 +23,4 @@ def shifted(scene: Scene, number: int) -> Scene:
     moved = replace(
         camera, shift_x=camera.shift_x + right / fitted, shift_y=camera.shift_y - down * (tall / wide) / fitted
     )
-    return change(scene, camera=moved, smooth_outlines=False)
+    return change(scene, camera=moved, antialias=False)
