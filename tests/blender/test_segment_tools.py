@@ -240,7 +240,7 @@ def test_bad_input_is_one_sentence_and_changes_nothing(owner, refused, tmp_path)
     owner.rle_splat.active_label = 0
     refused(ops.change_segment, "not the background", tool="GROW")
     os.remove(owner.rle_splat.label_file)
-    refused(ops.remove_table, "choose the file, or clear the field")
+    refused(ops.hide_table, "choose the file, or clear the field")
 
 
 def test_a_scan_without_contrast_and_one_that_is_missing(addon, refused, tmp_path):

@@ -19,7 +19,7 @@ def test_the_command_lines_are_understood(monkeypatch, tmp_path, has_scan):
     assert named == {str(scan if has_scan else tmp_path / "practice-ct")}
 
 
-def test_the_code_of_the_readme_goes_on_from_block_to_block():
+def test_the_code_of_the_readme_imports_once():
     code = example_figures.python_of_the_readme()
     assert code.count("import rle_splat") == 1 and code.count('"FLAIR.nrrd"') == 1
     compile(code, "README.md", "exec")
