@@ -2,23 +2,20 @@
 
 import bpy
 import numpy as np
+from mathutils import Vector
 
-from ..bridge.data.settings import scene_scale_of
-from ..bridge.look import transfer
-from ..bridge.scene.callouts import MARK, SEGMENT, find_places
-from ..bridge.scene.clip_objects import read_clips
+from ..bridge.scene import render_scene
+from ..bridge.scene.callouts import MARK, POINT, SEGMENT
 from ..bridge.translations import filled
-from ..bridge.volumes import attached, labels, volumes
-from ..rle_splat.effects.clips import half_spaces
+from ..bridge.volumes import volumes
+from ..rle_splat.figure.names import find_segments, in_words
+from ..rle_splat.figure.plan import Name
 from ..rle_splat.scene import RleSplatError
 from ..rle_splat.segment.label_map import BACKGROUND
 from .callout_objects import Callout, callouts_of, labels_in_picture, lay_out
 from .reading import LoadsFirst
 from .refusal import has_segments, refuses
 from .through_camera import evaluated, has_volume_and_camera
-
-MOST = 4_000_000  # voxels that are looked at; of larger maps every second one, third one and so on
-CELL = 1.5  # side of the squares in which a voxel hides others, in distances of voxels
 
 
 class RLE_SPLAT_OT_add_names(LoadsFirst, bpy.types.Operator):
@@ -36,68 +33,39 @@ class RLE_SPLAT_OT_add_names(LoadsFirst, bpy.types.Operator):
     @refuses
     def execute(self, context):
         owner, scene = volumes.volume_object(context), context.scene
-        frame = scene.camera.matrix_world.normalized()
-        rows = {row.label: row for row in owner.rle_splat.labels if row.show and row.label != BACKGROUND}
-        if not rows:
+        shown = {one.label for one in names_of(owner, scene) if one.point is None}
+        if not shown:
             raise RleSplatError("No segment is shown; show those that are to have a name by their eyes.")
-        high, _, low, _ = scene.camera.data.view_frame(scene=scene)
-        places, edges = _find_places(context, owner, rows, frame, np.array((low[:2], high[:2])))
+        plain, _ = render_scene.read_scene(owner, evaluated(context, owner), with_meshes=False)
+        places, edges = find_segments(plain, shown)
         if not places:
             raise RleSplatError("The camera sees none of the segments that are shown; turn it to them.")
-        texts = {one.mark[1]: one.text for one in callouts_of(owner, scene, SEGMENT)}
-        names = [Callout(texts.get(number) or _in_words(rows[number]), place, (SEGMENT, number))
-                 for number, place in places.items()]  # fmt: skip
+        high, _, low, _ = scene.camera.data.view_frame(scene=scene)
+        begin, pixel = np.array(low[:2]), np.array((high - low)[:2]) / (plain.width, plain.height)
+        places = {number: begin + pixel * place for number, place in places.items()}
+        edges = tuple(low.x + pixel[0] * end for end in edges)
+        names = [Callout(one.text, places[one.label], (SEGMENT, one.label))
+                 for one in names_of(owner, scene) if one.label in places]  # fmt: skip
         lay_out(context, owner, [*names, *labels_in_picture(owner, scene)], edges)
         for one in list(scene.objects):  # the names of segments that are hidden now
             number = one.get(SEGMENT, BACKGROUND)
             if one.get(MARK) == owner.name and number not in (BACKGROUND, *places):
                 bpy.data.objects.remove(one)
-        if left := len(rows) - len(places):
+        if left := len(shown) - len(places):
             said = filled("{number} segments that are shown are not in the picture.", number=left)
             self.report({"INFO"}, said)
         return {"FINISHED"}
 
 
-def _find_places(context, owner, rows, frame, ends) -> tuple[dict, tuple[float, float]]:
-    """For each segment in the picture the place that its line leads to, and the left and right end of all of them.
-
-    ``ends``: the lowest and the highest x and y of the picture, in the plane of ``view_frame``.
-    """
-    depsgraph, camera = evaluated(context, owner), context.scene.camera.data
-    volume = volumes.load_volume(owner, depsgraph=depsgraph)
-    found = labels.read_labels(owner, depsgraph, volume, transfer.read_transfer(owner, depsgraph))
-    map_of = found.volume.voxels
-    stride = int(np.ceil((map_of.size / MOST) ** (1.0 / 3.0)))
-    index = np.argwhere(np.isin(map_of[::stride, ::stride, ::stride], list(rows))) * stride
-    numbers, index = map_of[tuple(index.T)], index[:, ::-1].astype(np.float64)
-    to_world = attached.volume_frame(volume, owner, scene_scale_of(context.scene, volume.unit))
-    for clip in read_clips(depsgraph, owner):
-        sides = half_spaces(clip, to_world)
-        inside = (index @ sides[:, :3].T + sides[:, 3] <= 0.0).all(axis=1)
-        kept = ~inside if clip.kind == "box" and clip.keep == "outside" else inside
-        numbers, index = numbers[kept], index[kept]
-    to_camera = np.array(frame.inverted(), np.float64) @ to_world
-    points = index @ to_camera[:3, :3].T + to_camera[:3, 3]
-    cell = CELL * stride * np.linalg.norm(to_camera[:3, :3], axis=0).max()
-    if camera.type != "ORTHO":
-        away = camera.view_frame(scene=context.scene)[2].z
-        before = points[:, 2] < 0.0
-        numbers, points = numbers[before], points[before]
-        points[:, :2] *= away / points[:, 2:]
-        cell *= away / points[:, 2].mean() if len(points) else 1.0
-    places = points[:, :2]
-    shown = ((places > ends[0]) & (places < ends[1])).all(axis=1)
-    if not shown.any():
-        return {}, (0.0, 0.0)
-    places = places[shown]
-    found = find_places(numbers[shown], places, -points[shown, 2], cell)
-    return found, (places[:, 0].min(), places[:, 0].max())
+def names_of(owner, scene) -> tuple[Name, ...]:
+    """The names of the segments of a volume that are shown, and of its points, with the texts of their objects."""
+    texts = {one.mark[1]: one.text for one in callouts_of(owner, scene, SEGMENT)}
+    shown = (row for row in owner.rle_splat.labels if row.show and row.label != BACKGROUND)
+    named = [Name(texts.get(row.label) or _text(row), row.label) for row in shown]
+    of_points = ((one.text, owner.matrix_world @ Vector(one.mark[1])) for one in callouts_of(owner, scene, POINT))
+    return *named, *(Name(text, point=tuple(point)) for text, point in of_points)
 
 
-def _in_words(row) -> str:
-    """The name of a segment as one reads it: ``kidney_left`` as "Left kidney", ``vertebrae_T12`` as "T12"."""
-    words = row.label_name.replace("_", " ").split() or [str(row.label)]
-    if len(words) > 1 and words[0].lower() in ("vertebrae", "vertebra"):
-        words = words[1:]
-    words.sort(key=lambda word: word not in ("left", "right"))  # the side first
-    return words[0][0].upper() + " ".join(words)[1:]
+def _text(row) -> str:
+    """The name of a segment's row in words, or its number."""
+    return in_words(row.label_name) if row.label_name.strip(" _") else str(row.label)

@@ -7,8 +7,9 @@ import numpy as np
 from mathutils import Matrix, Vector
 
 from ..bridge.live import letters, slices
-from ..bridge.scene.callouts import MARK, POINT, split, spread
+from ..bridge.scene.callouts import MARK, POINT
 from ..bridge.volumes import box
+from ..rle_splat.figure.callouts import split, spread
 from ..rle_splat.scene import RleSplatError
 from .letter_objects import add_object, depths_of, new_emission, new_text, plane_before
 
@@ -87,6 +88,7 @@ def lay_out(context, owner, callouts: list, edges) -> None:
     frame = scene.camera.matrix_world.normalized()
     high, _, low, _ = scene.camera.data.view_frame(scene=scene)
     tall, room = high.y - low.y, 2 * int(0.95 / STEP)
+    step = STEP * tall
     if len(callouts) > room:
         raise RleSplatError(f"{len(callouts)} names are shown, and a picture has room for {room}; hide or delete some.")
     marks = [(kind, _plain(value)) for kind, value in (one.mark for one in callouts)]
@@ -102,7 +104,7 @@ def lay_out(context, owner, callouts: list, edges) -> None:
         wide = max((len(callouts[number].text) for number in column), default=0) * WIDE * SIZE * tall
         x = toward * min(toward * edge + 3.0 * SPACE * tall, toward * end - 2.0 * SPACE * tall - wide)
         own = [one for one in taken if one[0] * toward > 0.0]
-        heights = spread(column, places, x, low.y + STEP * tall, high.y - STEP * tall, STEP * tall, own)
+        heights = spread(column, places, x, low.y + 0.5 * step, high.y - 0.5 * step, dict.fromkeys(column, step), own)
         for number, y in heights.items():
             body, (kind, value) = callouts[number].text, callouts[number].mark
             text = new_text(body, "RIGHT" if toward < 0.0 else "LEFT")

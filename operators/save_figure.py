@@ -1,6 +1,7 @@
 """Save Figure: the volume as a figure for print, with scale bar, color bar and letters, and its sidecar."""
 
 import os
+from dataclasses import replace
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
@@ -16,6 +17,7 @@ from ..rle_splat.figure.files import sidecar_path
 from ..rle_splat.figure.make import figure_steps
 from ..rle_splat.figure.plan import AUTO, CENTER, OFF, FigureStyle, Panel
 from ..rle_splat.scene import RleSplatError
+from .add_names import names_of
 from .refusal import has_values
 from .through_camera import evaluated
 
@@ -66,6 +68,9 @@ class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
                ("CENTER", "At the Volume's Middle", "The scale bar is true at the distance of the volume's "
                 "middle")])  # fmt: skip
     color_bar: BoolProperty(name="Color Bar", description="Show colors and opacity over the values", default=True)
+    names: BoolProperty(
+        name="Names", description="Write the names of the segments that are shown, and of named structures, beside the "
+        "volume, with lines to them")  # fmt: skip
     sides: EnumProperty(
         name="Letters", description="How the patient's sides are shown",
         items=[("auto", "Automatic", "Letters, where the file says where the sides are"),
@@ -104,6 +109,7 @@ class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
             if self.scale_depth == "NONE" and self._is_perspective(context):
                 layout.label(text="No scale bar in perspective: set In Perspective", icon="INFO")
         layout.prop(self, "color_bar")
+        layout.prop(self, "names")
         layout.prop(self, "use_caption")
         if self.use_caption:
             layout.prop(self, "caption", text="Text")
@@ -133,6 +139,8 @@ class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
         self._sources = figure.sources_of(owner, depsgraph, self._path)
         presets = tuple(name.strip() for name in self.compare.split(",") if name.strip())
         panels = figure.compared(plain, presets, owner, depsgraph) or (Panel(plain, self.title),)
+        if self.names:
+            panels = tuple(replace(one, names=names_of(owner, context.scene)) for one in panels)
         wanted = figure.figure_of(panels, self._style())
         return figure_steps(wanted, [quality_of(context.scene)] * len(wanted.panels), render_scene.KEPT)
 

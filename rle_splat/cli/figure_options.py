@@ -1,11 +1,12 @@
 """The options of ``rle-splat figure``, and the panels that they ask for."""
 
 from argparse import Namespace
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ..classify.presets import PRESETS, preset
 from ..figure.directions import view_name
+from ..figure.names import names_of
 from ..figure.plan import AUTO, BACKGROUNDS, CENTER, OFF, SIDES, FigureStyle, Panel
 from ..scene import RleSplatError
 from .appearance import choose_transfer_function
@@ -55,6 +56,7 @@ def add_figure_options(parser) -> None:
         help=f"how the patient's sides are shown (default {DEFAULT.sides}: letters where they are known)",
     )
     page.add_argument("--no-color-bar", action="store_true", help="leave the color bar out")
+    page.add_argument("--names", action="store_true", help="write names of segments beside the pictures")
     panels = parser.add_argument_group("panels", "one picture unless given; both together make a grid")
     panels.add_argument(
         "--compare",
@@ -174,7 +176,10 @@ def panels_of(args, volume, wanted: WantedPanels, scene_of) -> tuple[list[Panel]
         for view in wanted.views:
             panels.append(Panel(scene_of(view, function)))
     titles = args.title or [_title(panel, wanted, n) for n, panel in enumerate(panels)]
-    return [Panel(panel.scene, title) for panel, title in zip(panels, titles, strict=True)], reasons
+    names = [names_of(panel.scene) if args.names else () for panel in panels]
+    if args.names and not any(names):
+        raise RleSplatError("--names has no names; give --labels with a file that names its segments.")
+    return [replace(one, title=title, names=of) for one, title, of in zip(panels, titles, names, strict=True)], reasons
 
 
 def _title(panel: Panel, wanted: WantedPanels, n: int) -> str:

@@ -8,11 +8,12 @@ from ..pipeline.render import render_steps
 from ..pipeline.stage_cache import StageCache
 from ..runtime.steps import Progress, map_steps
 from ..scene import Quality, Scene
+from .names import VISIBLE, share_beside
+from .page import MM_PER_POINT
 from .plan import Figure, tile_size
 from .scale import pixels_per_world_unit
 
 SIDE = 320  # pixels of the longer side of the drafts that are measured
-VISIBLE = 0.02  # opacity from which a pixel counts
 WIDER = 1.5  # of the drafts' views, so that they show the whole box of a volume from its corners, too
 ASPECTS = (2.0 / 3.0, 1.5)  # least and largest width of a picture over its height
 ROOM = 1.16  # of the pictures' size over that of what is visible, for the letters at the edges
@@ -43,6 +44,8 @@ def frame_steps(figure: Figure, cache: StageCache):
     if not height > 0.0:
         return figure
     style = figure.style
+    size, across = style.font_size * MM_PER_POINT, tile_size(style, len(scenes))[0] / style.pixels_per_mm
+    width /= 1.0 - max(share_beside(panel.names, size, across) for panel in figure.panels)
     if style.aspect is None:
         style = replace(style, aspect=round(float(np.clip(width / height, *ASPECTS)), 2))
     pixels = dict(zip(("width", "height"), tile_size(style, len(scenes))))

@@ -14,8 +14,9 @@ from . import scale
 from .color_bar import Lines, color_bar
 from .directions import NO_BREAK, WORDS, cube, edge_letters, knows_sides, letter_texts
 from .lettering import check_text, text_width, wrap
+from .names import name_items
 from .page import MM_PER_POINT, Fill, Page, Text, Tile
-from .plan import AUTO, BACKGROUNDS, GUTTER, MARGIN, OFF, Figure
+from .plan import AUTO, BACKGROUNDS, GUTTER, MARGIN, OFF, Figure, Panel
 
 LABELS = "abcdefghijklmnopqrstuvwxyz"
 BODY_NAMES = {one.label: one.name for one in NAMES}  # those that Hide Table gives
@@ -54,6 +55,7 @@ class PageDraft:
         self.background = BACKGROUNDS[style.background]
         self.ink = (1.0, 1.0, 1.0) if style.background == "black" else (0.0, 0.0, 0.0)
         self.paper = self.background or (1.0, 1.0, 1.0)
+        self.halo = None if self.background is None else self.paper
         first = self.figure.panels[0].scene
         self.tile = first.width / self.per_mm, first.height / self.per_mm
         functions = {panel.scene.transfer_function.key for panel in self.figure.panels}
@@ -164,6 +166,7 @@ def _row(draft: PageDraft, row: range, pictures: list, bars: list, y: float) -> 
             _title(draft, n, line, number, x, y + size + LEADING * size * number)
         draft.items.append(Tile(x, top, pictures[n]))
         _sides(draft, panels[n].scene, x, top)
+        draft.items += names_in(draft, panels[n], pictures[n], x, top)
         _strip(draft, n, bars[n], x, top + tall, strip)
         if draft.several_functions and draft.figure.style.color_bar:
             _color_bar(draft, panels[n].scene, x, below + 0.3 * size, wide)
@@ -201,8 +204,13 @@ def _sides(draft: PageDraft, scene: Scene, x: float, y: float) -> None:
         side = CUBE * draft.size
         draft.items += cube(scene, x + wide - 0.9 * side, y + 0.9 * side, side, draft.size)
         return
-    halo = None if draft.background is None else draft.paper
-    draft.items += letter_texts(edge_letters(scene), x, y, wide, tall, draft.size, draft.ink, halo)
+    draft.items += letter_texts(edge_letters(scene), x, y, wide, tall, draft.size, draft.ink, draft.halo)
+
+
+def names_in(draft: PageDraft, panel: Panel, picture, x: float, y: float) -> list:
+    """The names in a picture whose corner is (x, y); RleSplatError if there is no room for them."""
+    letters = draft.figure.style.sides not in (OFF, "cube") and knows_sides(panel.scene)
+    return name_items(panel, picture, (x, y), draft.per_mm, draft.size, draft.ink, draft.halo, letters)
 
 
 def _window_text(draft: PageDraft, n: int) -> str:

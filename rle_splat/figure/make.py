@@ -12,8 +12,9 @@ from ..scene import Quality, QualityName, Rendering, RleSplatError, Scene
 from ..scene.png import png_bytes
 from ..scene.quality import as_quality
 from .framing import frame_steps
-from .layout import PageDraft, automatic_caption, check_labels, lay_out, scale_bar
+from .layout import PageDraft, automatic_caption, check_labels, lay_out, names_in, scale_bar
 from .lettering import check_text
+from .names import names_of
 from .page import Page
 from .plan import Figure, FigureStyle, Panel, tile_size
 from .raster import draw
@@ -51,7 +52,7 @@ class MadeFigure:
 
 def make_figure(
     scenes: Scene | Sequence[Scene], titles: Sequence[str] = (), style: FigureStyle | None = None,
-    quality: Quality | QualityName | None = None, *, frame: bool = True,
+    quality: Quality | QualityName | None = None, *, frame: bool = True, names: bool = False,
 ) -> MadeFigure:  # fmt: skip
     """Make a figure for print: pictures with letters, scale bar, color bar and caption.
 
@@ -68,6 +69,8 @@ def make_figure(
     frame : bool
         Whether orthographic views are moved and get one scale at which what is visible fills the pictures; else they
         are those of the cameras.
+    names : bool
+        Whether the names of the segments that are shown are written beside the pictures, with lines.
 
     Returns
     -------
@@ -85,7 +88,9 @@ def make_figure(
     if len(titles) != len(scenes):
         raise RleSplatError(f"There are {len(titles)} titles for {len(scenes)} scenes; give one for each, or none.")
     pixels = dict(zip(("width", "height"), tile_size(style, max(len(scenes), 1))))
-    panels = tuple(Panel(replace(scene, **pixels), title) for scene, title in zip(scenes, titles))
+    panels = tuple(
+        Panel(replace(scene, **pixels), title, names_of(scene) if names else ()) for scene, title in zip(scenes, titles)
+    )
     figure, cache = Figure(panels, style), StageCache()
     if frame:
         figure = drain(frame_steps(figure, cache))
@@ -126,6 +131,7 @@ def check_figure(figure: Figure) -> None:
     check_labels(figure)
     for panel in figure.panels:
         scale_bar(panel.scene, draft)
+        names_in(draft, panel, None, 0.0, 0.0)
         check_text(panel.scene.volume.unit, "The unit of lengths")
         check_text(panel.scene.volume.value_unit or "", "The unit of the values")
     if figure.style.caption is None:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from reprlib import repr as short
 from typing import Literal, get_args
 
-from ..scene import RleSplatError, Scene
+from ..scene import RleSplatError, Scene, as_float
 from ..scene.checks import is_finite_number
 from .lettering import check_text
 from .page import MM_PER_INCH
@@ -113,12 +113,52 @@ def _check_length(value, words: tuple, what: str) -> None:
         raise RleSplatError(f"The figure's {what} must be a length above zero, or {choices}, not {short(value)}.")
 
 
+@dataclass(frozen=True)
+class Name:
+    """A name in a picture.
+
+    Attributes
+    ----------
+    text : str
+    label : int or None
+        The segment that it names.
+    point : (3,) tuple of float or None
+        The place that it names, in world units, if it is not that of a segment.
+    """
+
+    text: str
+    label: int | None = None
+    point: tuple | None = None
+
+    def __post_init__(self):
+        if not isinstance(self.text, str) or (self.label is None) == (self.point is None):
+            raise RleSplatError("A name in a figure must have a text, and either a segment or a point.")
+        if self.point is not None:
+            object.__setattr__(self, "point", tuple(map(as_float, self.point)))
+
+    @property
+    def key(self):
+        """What tells names from one another."""
+        return self.label if self.point is None else self.point
+
+
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """One picture of a figure: its scene, whose size in pixels is that of the tile, and its title ("" for none)."""
+    """One picture of a figure.
+
+    Attributes
+    ----------
+    scene : Scene
+        Its size in pixels is that of the tile.
+    title : str
+        "" for none.
+    names : tuple of Name
+        Of segments and points, written at both sides with lines to them.
+    """
 
     scene: Scene
     title: str = ""
+    names: tuple[Name, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,6 +186,7 @@ class Figure:
             raise RleSplatError("The pictures of a figure must all have the same size in pixels.")
         for panel in self.panels:
             check_text(panel.title, "A title of the figure")
+            check_text("".join(one.text for one in panel.names), "A name in the figure")
             if panel.scene.camera.pixel_aspect[0] != panel.scene.camera.pixel_aspect[1]:
                 raise RleSplatError("The pixels of a figure are square; set the camera's pixel aspect to 1 to 1.")
 

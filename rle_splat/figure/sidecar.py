@@ -31,7 +31,7 @@ from ..scene import (
 )
 from ..scene.plain import plain
 from .make import MadeFigure
-from .plan import Figure, FigureStyle, Panel
+from .plan import Figure, FigureStyle, Name, Panel
 from .sources import FURTHER, FigureData, Sources, further_json, further_of, part, sources_json, sources_of
 
 FORMAT, VERSION = "rle-splat figure", 1
@@ -106,6 +106,7 @@ def _panel(panel: Panel, rendering) -> dict:
     known = {entry.name for entry in fields(Quality)} - {*OF_THE_MACHINE, "held"}
     return {
         "title": panel.title,
+        "names": [plain(asdict(one)) for one in panel.names],
         "scene": {**{name: _field(panel.scene, name) for name in HELD}, **further_json(panel.scene)},
         "quality": {**{name: plan[name] for name in plan if name in known}, "name": AS_MADE},
         "plan": plain({name: plan[name] for name in ("quality", "why", "aim", "expected", "base_planes")}),
@@ -183,6 +184,7 @@ def read_sidecar(path) -> Sidecar:
             raise RleSplatError(f"A panel of the sidecar {path} is not an object; use the file as it was written.")
         for name, kind in (("title", str), ("scene", dict), ("quality", dict), ("pixels", str)):
             part(panel, name, kind, path)
+        part({"names": [], **panel}, "names", list, path)
     part(content, "style", dict, path)
     return Sidecar(sources, content)
 
@@ -199,7 +201,8 @@ def figure_of(sidecar: Sidecar, data: FigureData, threads: int = 0) -> tuple[Fig
     """
     panels, qualities = [], []
     for entry in sidecar.content["panels"]:
-        panels.append(Panel(_scene(entry["scene"], data), entry["title"]))
+        names = tuple(from_mapping(Name, one, "A name of the sidecar") for one in entry.get("names", ()))
+        panels.append(Panel(_scene(entry["scene"], data), entry["title"], names))
         knobs, _ = without_removed({**entry["quality"], "threads": threads})
         qualities.append(from_mapping(Quality, knobs, "The sidecar's quality"))
     style = from_mapping(FigureStyle, sidecar.content["style"], "The sidecar's style")

@@ -3,6 +3,7 @@ press keeps."""
 
 import math
 from importlib import import_module
+from xml.etree import ElementTree
 
 import bpy
 import nibabel
@@ -230,3 +231,16 @@ def test_a_label_without_a_text_or_out_of_the_picture_is_refused_and_others_stay
     bpy.context.view_layer.update()
     refused(bpy.ops.rle_splat.add_name, "does not see the point", text="Tip", point=tuple(TIP))
     assert {one.data.body for one in bpy.context.scene.objects if one.type == "FONT"} == {"Cyst"}
+
+
+def test_a_figure_has_the_names_as_they_are_in_the_scene(owner, tmp_path):
+    look("ORTHO")
+    assert bpy.ops.rle_splat.add_names() == {"FINISHED"} and add_name("Cyst", SIDE) == {"FINISHED"}
+    texts = {one.data.body: one.data for one in bpy.context.scene.objects if one.type == "FONT"}
+    texts["Liver"].body = "Leber"
+    path = tmp_path / "a.svg"
+    assert bpy.ops.rle_splat.save_figure(filepath=str(path), names=True, dpi=72.0) == {"FINISHED"}
+    drawn = {one.text for one in ElementTree.parse(path).iter("{http://www.w3.org/2000/svg}text")}
+    assert {"Leber", "Left kidney", "Right kidney", "Spine", "Cyst"} <= drawn
+    assert bpy.ops.rle_splat.save_figure(filepath=str(path), dpi=72.0) == {"FINISHED"}
+    assert "Leber" not in path.read_text()

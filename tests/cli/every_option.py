@@ -65,7 +65,7 @@ OWN_VALUES = {
         "--background": ["black", "transparent"], "--font-size": ["7"], "--caption": ["text"],
         "--scale-bar": ["off", "10"], "--scale-depth": ["center --perspective"],
         "--sides": ["cube --orientation LPS", "off"],
-        "--no-color-bar": [""], "--compare": ["ct-bone"], "--view": ["30 10"], "--title": ["text"],
+        "--no-color-bar": [""], "--names": [LABELS], "--compare": ["ct-bone"], "--view": ["30 10"], "--title": ["text"],
     },
     "encode": {
         "--folder": [f"--classification {one} -o {one}.rle" for one in knobs.CLASSIFICATIONS], "--axes": ["x", "yz"],
@@ -105,7 +105,7 @@ def write_files(folder: Path, stored: str) -> None:
     }  # fmt: skip
     camera = {"type": "ORTHO", "ortho_scale": 2.0 * SIDE, "matrix_world": matrix.tolist()}
     files = {
-        "function": function, "labels": [{"label": 1, "color": [0.0, 1.0, 0.0]}], "camera": camera,
+        "function": function, "labels": [{"label": 1, "name": "ball", "color": [0.0, 1.0, 0.0]}], "camera": camera,
         "cameras": [camera, camera], "matrix": np.diag((2.0, 1.0, 1.0, 1.0)).tolist(),
         "poses": [{"volume_matrix": np.eye(4).tolist()}, {"volume_matrix": matrix.tolist()}],
         "clips": [{"kind": "box", "matrix_world": np.diag((6.0, 6.0, 6.0, 1.0)).tolist(), "keep": "outside"},

@@ -222,6 +222,18 @@ def test_a_transparent_figure_and_a_linear_one(call, figure, raw):
     assert np.array_equal(png[..., 3], np.rint(255.0 * np.clip(linear[..., 3], 0.0, 1.0)))
 
 
+def test_names_of_segments_are_text_and_made_again(call, figure, raw):
+    (ball() > 0).astype(np.uint8).tofile(raw.parent / "labels.raw")
+    styles = [{"label": 1, "name": "kidney_left"}, {"label": 2, "name": "nowhere"}]
+    (raw.parent / "styles.json").write_text(json.dumps(styles))
+    labels = "--labels", raw.parent / "labels.raw", "--label-functions", raw.parent / "styles.json"
+    folder = figure("--names", "--font-size", "3", *labels)
+    drawn = [one.text for one in ElementTree.parse(folder / "fig.svg").iter("{http://www.w3.org/2000/svg}text")]
+    assert drawn.count("Left kidney") == 1 and "Nowhere" not in drawn
+    again = call("figure", folder / SIDECAR, "-o", folder / "again.svg")
+    assert again.code == 0 and (folder / "again.svg").read_bytes() == (folder / "fig.svg").read_bytes()
+
+
 @pytest.mark.extras
 def test_a_pdf_has_the_texts_and_the_same_bytes_again(call, figure):
     pytest.importorskip("matplotlib")
@@ -235,6 +247,7 @@ def test_a_pdf_has_the_texts_and_the_same_bytes_again(call, figure):
 @pytest.mark.parametrize(
     "options, sentence",
     [
+        (["--names"], "--names has no names; give --labels"),
         (["-o", "b.tif"], "b.tif has no suffix of a format of figures"),
         (["--perspective", "--scale-bar", "5"], "at one depth only"),
         (["--sides", "cube"], "not known where the patient's sides are"),
