@@ -41,7 +41,7 @@ def add_balls():
 def confirmed(name):
     """Open the operator's file browser with a name, and press its button."""
     with in_the_view():
-        bpy.ops.rle_splat.save_figure("INVOKE_DEFAULT", filepath=str(FOLDER / name))
+        bpy.ops.rle_splat.save_figure("INVOKE_DEFAULT", filepath=str(FOLDER / name), names=True)
     yield
     yield from photograph(f"file browser {name}")
     window, area = next(
@@ -74,9 +74,13 @@ def scenario():
     assert abs(scene["width"] / scene["height"] - region.width / region.height) < 0.01
     passed("the view of a viewport")
 
+    with in_the_view():
+        assert bpy.ops.rle_splat.threshold_segment(low=150.0, high=255.0) == {"FINISHED"}
+    bpy.context.object.rle_splat.labels[-1].label_name = "balls"
     yield from confirmed("chosen.svg")
     yield from until(lambda: (FOLDER / "chosen.figure.json").is_file())
-    assert (FOLDER / "chosen.svg").read_bytes().startswith(b"<?xml")
+    made = (FOLDER / "chosen.svg").read_text()
+    assert made.startswith("<?xml") and ">Balls</text>" in made
     passed("a figure in steps, from the file browser")
     yield from photograph("after")
 
