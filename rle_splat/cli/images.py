@@ -16,12 +16,37 @@ from pathlib import Path
 
 import numpy as np
 
-from ..scene import Rendering, RleSplatError
+from ..scene import Environment, Rendering, RleSplatError
 from ..scene.checks import as_color, check_first
+from ..shade.environment import panorama_moments
 from .rows import ROW_WRITERS
 
 
-def read_exr(path) -> np.ndarray:
+def read_environment(path: str | PathLike) -> tuple[tuple, Environment]:
+    """Read a picture of the light from all directions, for ``world`` and ``environment`` of ``Scene``.
+
+    Parameters
+    ----------
+    path : str or Path
+        Equirectangular EXR file of scene-linear radiance, as of Blender's environment texture: row 0 is +Z, the middle
+        +X. Needs the package OpenEXR.
+
+    Returns
+    -------
+    world : (3,) tuple of float
+        Scene-linear RGB, the mean radiance.
+    environment : Environment
+        How the light differs by direction.
+
+    Raises
+    ------
+    RleSplatError
+        If the file cannot be read, or has no finite colors.
+    """
+    return panorama_moments(np.maximum(_read_exr(path), 0.0), np.eye(3))
+
+
+def _read_exr(path) -> np.ndarray:
     """(H, W, 3) float32 scene-linear colors of an EXR file, row 0 on top; RleSplatError where there are none."""
     try:
         import OpenEXR

@@ -6,9 +6,8 @@ import numpy as np
 
 from ..scene import RleSplatError, Scene
 from ..scene.plain import plain
-from ..shade.environment import panorama_moments
 from ..view.projection import depth_row
-from .images import read_exr
+from .images import read_environment
 
 # Directions that differ by less than this are equal: a .rle file stores them exactly, a camera file may round them.
 DIRECTION_TOLERANCE = 1e-6
@@ -117,10 +116,8 @@ def _shines_along(headlight, looking) -> bool:
 
 
 def read_sky(args):
-    """Read the picture of ``--environment``, before any volume: what ``panorama_moments`` returns, or None."""
-    if args.environment is None:
-        return None
-    return panorama_moments(np.maximum(read_exr(args.environment), 0.0), np.eye(3))
+    """Read the picture of ``--environment``, before any volume: what ``read_environment`` returns, or None."""
+    return None if args.environment is None else read_environment(args.environment)
 
 
 def with_light_effects(args, scene: Scene, sky) -> Scene:

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+import rle_splat
 from rle_splat.cli.images import writer_for
 from rle_splat.cli.main import main
 
@@ -64,6 +65,9 @@ def test_an_environment_lights_by_direction_in_place_of_the_headlight(render, tm
     assert effects["world light"]["on"] and "order 2" in effects["world light"]["reason"]
     assert not effects["headlight"]["on"]
     assert rgba[5:9, 10:14, 0].mean() > 1.5 * rgba[15:19, 10:14, 0].mean() > 0.0
+    world, environment = rle_splat.read_environment(tmp_path / "sky.exr")
+    assert world == pytest.approx((1.0, 1.0, 1.0))
+    np.testing.assert_allclose(environment.first, [[0.0] * 3, [0.0] * 3, [0.5] * 3], atol=0.01)  # 2 cos over a half
     both, effects = render("--environment", str(tmp_path / "sky.exr"), "--headlight", lights=False)
     assert effects["headlight"]["on"] and both.sum() > rgba.sum()
 
