@@ -28,6 +28,7 @@ from pathlib import Path
 
 import numpy as np
 
+from devtools.sheets import sheet
 from rle_splat.classify.presets import fit_preset
 from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.pipeline.render import render
@@ -45,8 +46,6 @@ SIZE, SAMPLES, BOUNCES, PILOT = 360, 4, 4, 4  # pixels, VTK's samples per voxel,
 WORLD, OCCLUSION = 0.15, 0.8
 LAMP = (0.55, -0.6, -0.58)  # where the sun shines to, in the camera's axes: from above, on the left
 ENERGY = 3.2
-TITLE, LETTERS = 1 / 14, 1 / 25  # height of the room above each picture, and of its letters, in sides of it
-STRIP = (44, 44, 44)  # the color of that room
 FILLED, FAINT, SOFT = 0.9, 0.02, 0.3  # of presets: part of the picture, least opacity that counts, light of the world
 BRIGHT = 0.9  # quantile of what is seen that is made equal
 
@@ -328,18 +327,10 @@ def _kept(name: str, program: str) -> tuple:
 
 
 def _save(pictures, across: int, path: Path, quality: int) -> None:
-    """Save (title, picture as uint8, square) beside each other, so many in a row, the titles above."""
-    from PIL import Image, ImageDraw, ImageFont
+    """Save a sheet of (caption, picture as uint8), so many in a row."""
+    from PIL import Image
 
-    size = len(pictures[0][1])
-    title, font = round(TITLE * size), ImageFont.load_default(round(LETTERS * size))
-    sheet = Image.new("RGB", (size * across, (size + title) * -(-len(pictures) // across)), STRIP)
-    pen = ImageDraw.Draw(sheet)
-    for number, (text, picture) in enumerate(pictures):
-        left, top = size * (number % across), (size + title) * (number // across)
-        sheet.paste(Image.fromarray(picture), (left, top + title))
-        pen.text((left + title // 5, top + title // 2), text, fill="white", font=font, anchor="lm")
-    sheet.save(path, quality=quality)
+    Image.fromarray(sheet(pictures, across)).save(path, quality=quality)
 
 
 def join(names, programs, path: Path, quality: int) -> None:

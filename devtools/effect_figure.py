@@ -1,4 +1,4 @@
-"""how-to-effects.jpg: pairs of pictures without and with an effect, for the guide on light."""
+"""Pairs of pictures without and with an effect, for how-to-effects.jpg of the guide on light."""
 
 from __future__ import annotations
 
@@ -6,40 +6,48 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from PIL import Image
 
 import rle_splat as rs
+from rle_splat.scene.display import to_bytes
 
-STYLE = rs.FigureStyle(
-    width_cm=20.0, dpi=150.0, columns=4, background="black", caption="", scale_bar="off", sides="off", color_bar=False,
-    font_size=9.0,
-)  # fmt: skip
-DIM, NIGHT = (0.15, 0.15, 0.18), (0.03, 0.03, 0.04)
-CLEAR, ASIDE = 4.0, (1.0, 1.0, 0.3)  # mm of tissue for an opacity; the direction of a sun
-APERTURE, FOCUS = 9.0, 85.0  # mm: radius of the lens, and how far before the skull's middle it is sharp
+SIDE = 300  # pixels
+DIM, NIGHT, WHITE = (0.08, 0.08, 0.1), (0.01, 0.01, 0.015), (1.0, 1.0, 1.0)  # worlds
+OPENED = (0.0, 8.0, 30.0)  # mm: from the skull's middle to a plane that cuts off its top
+LOW, BEHIND = (-0.8, -0.3, 1.1), (0.5, 1.0, 0.4)  # directions of suns
+CLEAR = 8.0  # mm of tissue for an opacity
+APERTURE, FOCUS = 9.0, 75.0  # mm: radius of the lens, and how far before the skull's middle it is sharp
 
 
-def make(brain: Path, skull: Path, bone: Path) -> rs.MadeFigure:
-    """The figure, of two scans, and the transfer function of the skull."""
-    folds = _scene(brain, azimuth=40, elevation=18, fit=1.0)
-    lit = replace(folds, lights=(_sun(folds, (1.0, -0.4, 1.4), 3.2),), world=DIM)
-    white = replace(folds, world=(1.0, 1.0, 1.0))
-    shade = replace(folds.transfer_function.shade, ambient=0.02)
+def make(brain: Path, skull: Path, bone: Path) -> dict[str, Image.Image]:
+    """The pictures by their captions, of two scans, and the transfer function of the skull."""
+    folds = _scene(brain, azimuth=40, elevation=18, fit=0.95)
+    white = replace(folds, world=WHITE)
+    shade = replace(folds.transfer_function.shade, ambient=0.0)
     clear = replace(folds.transfer_function, opacity_unit_distance=CLEAR, shade=shade)
-    aside = replace(folds, transfer_function=clear, lights=(_sun(folds, ASIDE, 6.0),), world=NIGHT, volume_shadows=True)
-    bones = _scene(skull, bone, azimuth=28, elevation=22, fit=1.0, perspective=True, fov=52)
-    bones = replace(
-        bones, labels=rs.body_labels(bones.volume, bones.transfer_function), world=(0.2, 0.2, 0.22),
-        lights=(_sun(bones, (0.2, -1.0, 1.2), 3.0),), volume_shadows=True, ambient_occlusion=0.8,
+    sun = _sun(folds, BEHIND, 8.0)
+    aside = replace(folds, transfer_function=clear, lights=(sun,), world=NIGHT, volume_shadows=True)
+    bones = _scene(skull, bone, azimuth=25, elevation=42, fit=0.9)
+    lower = replace(bones.camera, shift_y=-0.06)
+    bones = replace(bones, camera=lower, labels=rs.body_labels(bones.volume, bones.transfer_function))
+    middle = rs.turntable_aim(bones.volume, bones.volume_matrix)
+    top = rs.Clip(kind="plane", matrix_world=rs.look_at(middle + OPENED, middle))
+    opened = replace(bones, clips=(top,), lights=(_sun(bones, LOW, 3.5),), world=DIM)
+    camera, _ = rs.turntable(bones.volume, azimuth=28, elevation=15, fit=0.95, perspective=True, fov=55)
+    camera = replace(camera, shift_x=-0.05, shift_y=-0.09)
+    near = replace(
+        bones, camera=camera, world=(0.2, 0.2, 0.22), lights=(_sun(bones, (0.2, -1.0, 1.2), 3.0),), volume_shadows=True,
+        ambient_occlusion=0.8,
     )  # fmt: skip
-    distance = np.linalg.norm(bones.camera.matrix_world[:3, 3] - rs.turntable_aim(bones.volume, bones.volume_matrix))
-    lens = replace(bones.camera, aperture_radius=APERTURE, focus_distance=float(distance) - FOCUS)
-    panels = {
-        "Shadows off": lit, "Shadows on": replace(lit, volume_shadows=True), "Ambient Occlusion 0": white,
+    distance = np.linalg.norm(camera.matrix_world[:3, 3] - middle)
+    lens = replace(camera, aperture_radius=APERTURE, focus_distance=float(distance) - FOCUS)
+    scenes = {
+        "Shadows off": opened, "Shadows on": replace(opened, volume_shadows=True), "Ambient Occlusion 0": white,
         "Ambient Occlusion 1": replace(white, ambient_occlusion=1.0), "Scattering 0": aside,
-        "Scattering 0.9": replace(aside, indirect_light=0.9), "Depth of Field off": bones,
-        "Depth of Field on": replace(bones, camera=lens),
+        "Scattering 0.9": replace(aside, indirect_light=0.9), "Depth of Field off": near,
+        "Depth of Field on": replace(near, camera=lens),
     }  # fmt: skip
-    return rs.make_figure(panels.values(), panels, STYLE, rs.Quality.preset("fine"), frame=False)
+    return {caption: _picture(scene) for caption, scene in scenes.items()}
 
 
 def _scene(scan, function=None, **view) -> rs.Scene:
@@ -47,9 +55,13 @@ def _scene(scan, function=None, **view) -> rs.Scene:
     volume = rs.read_volume(scan)
     camera, matrix = rs.turntable(volume, **view)
     chosen = rs.default_transfer_function(volume)[0] if function is None else rs.TransferFunction.from_json(function)
-    return rs.Scene(volume, chosen, camera, volume_matrix=matrix, headlight=False)
+    return rs.Scene(volume, chosen, camera, SIDE, SIDE, volume_matrix=matrix, headlight=False, antialias=True)
 
 
 def _sun(scene: rs.Scene, direction, energy: float) -> rs.Light:
     middle = rs.turntable_aim(scene.volume, scene.volume_matrix)
     return rs.Light(matrix_world=rs.look_at(middle + direction, middle), energy=energy)
+
+
+def _picture(scene: rs.Scene) -> Image.Image:
+    return Image.fromarray(to_bytes(rs.render(scene, rs.Quality.preset("fine")).rgba), "RGBA")

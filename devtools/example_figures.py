@@ -7,7 +7,6 @@ the data folder (``RLE_SPLAT_DATA``); without it, the practice scan.
 from __future__ import annotations
 
 import contextlib
-import io
 import json
 import os
 import re
@@ -23,6 +22,7 @@ from rle_splat.scene.display import to_bytes
 
 from .gallery_pictures import save_jpeg
 from .places import OUT, ROOT
+from .sheets import sheet
 
 FOLDER = OUT / "figures"
 TUTORIAL = ROOT / "docs" / "tutorial" / "first-picture-from-the-command-line.md"
@@ -39,12 +39,13 @@ FIRST = "--fit", "0.9", "--quality", "fine"
 TURNED = "--azimuth", "35", "--elevation", "20"
 LIT = "--shadows", "--world", "0.15", "0.15", "0.18", "--ambient-occlusion", "1", "--lights"
 CLOSE = ("--azimuth", "30", "--elevation", "20", "--fit", "0.42", "--size", "400")
-STEPS = (  # of the strip, after the slices: pictures of the documentation, and the part of each
-    ("tutorial-3-preset", (230, 310, 790, 730)), ("tutorial-7-rendered", (240, 167, 1040, 766)),
-    ("gallery-skull", (0, 0, 1600, 1200)),
-)  # fmt: skip
+STEPS = (  # of the strip, after the slices: captions, pictures of the documentation, and the part of each
+    ("Bone", "tutorial-3-preset", (230, 310, 790, 730)),
+    ("Cut open", "tutorial-7-rendered", (240, 167, 1036, 764)),
+    ("The finished scene", "gallery-skull", (0, 0, 1600, 1200)),
+)
 FILM, FILM_SIZE = ROOT / "build" / "window-shots" / "record_film", (640, 480)
-STEP, GAP = (560, 420), 4  # pixels of a picture of the strip, and between two
+STEP = 560, 420  # pixels of a picture of the strip
 
 
 def data_folder() -> Path:
@@ -102,14 +103,15 @@ def command_lines(folder: Path) -> list[list[str]]:
     ]  # fmt: skip
 
 
-def beside(folder: Path, name: str, *pictures: Image.Image) -> None:
-    """Pictures in a row on dark gray, as one JPEG."""
-    row = Image.new("RGB", (sum(one.width + 4 for one in pictures) - 4, pictures[0].height), GRAY)
-    left = 0
-    for one in pictures:
-        row.paste(one, (left, 0), one)
-        left += one.width + 4
-    save_jpeg(row, folder / f"{name}.jpg", MOST_BYTES)
+def on_gray(picture: Image.Image) -> Image.Image:
+    """A picture before dark gray."""
+    return Image.alpha_composite(Image.new("RGBA", picture.size, GRAY), picture.convert("RGBA")).convert("RGB")
+
+
+def beside(folder: Path, name: str, pictures: dict[str, Image.Image], most: int = MOST_BYTES, **more) -> None:
+    """A sheet of pictures by their captions, on dark gray, as JPEG."""
+    parts = [(caption, np.asarray(on_gray(one))) for caption, one in pictures.items()]
+    save_jpeg(Image.fromarray(sheet(parts, **more)), folder / f"{name}.jpg", most)
 
 
 def picture_and_depth(folder: Path) -> None:
@@ -152,7 +154,7 @@ def picture_and_depth(folder: Path) -> None:
     shown = Image.fromarray(to_bytes(made.rgba, BLACK)).convert("RGBA")
     opened = Image.fromarray(to_bytes(rs.render(lit, rs.Quality.preset("fine")).rgba, BLACK)).convert("RGBA")
     depth = Image.fromarray(np.uint8(np.rint(255.0 * gray)), "L").convert("RGBA")
-    beside(folder, "how-to-python", shown, depth, opened)
+    beside(folder, "how-to-python", {"rendering.rgba": shown, "rendering.depth": depth, "lit": opened})
 
 
 def opening(folder: Path) -> None:
@@ -187,24 +189,23 @@ def example_of_the_readme(folder: Path) -> None:
 
 def from_parts(folder: Path) -> None:
     """The pictures that are put together from others."""
-    frames = [Image.open(folder / f"turn_{number:04}.png").convert("RGBA") for number in range(1, TURN + 1)]
-    frames = [Image.alpha_composite(Image.new("RGBA", one.size, GRAY), one).convert("RGB") for one in frames]
+    frames = [on_gray(Image.open(folder / f"turn_{number:04}.png")) for number in range(1, TURN + 1)]
     frames[0].save(folder / "how-to-turn.webp", save_all=True, append_images=frames[1:], duration=MILLISECONDS, loop=0,
                    quality=70, method=6)  # fmt: skip
     whole, coarse, part = (Image.open(folder / f"{name}.png").convert("RGBA") for name in ("whole", "coarse", "part"))
-    beside(folder, "how-to-coarse", coarse, whole)
-    beside(folder, "first-picture", *(Image.open(folder / f"{name}.png").convert("RGBA") for name in ("out", "side")))
+    beside(folder, "how-to-coarse", {"--level 2": coarse, "All voxels": whole})
+    beside(folder, "first-picture", {f"{name}.png": Image.open(folder / f"{name}.png") for name in ("out", "side")})
     framed, scale = whole.copy(), SMALL / POSTER
     corners = [scale * at for at in (*EYE, EYE[0] + SMALL, EYE[1] + SMALL)]
     ImageDraw.Draw(framed).rectangle(corners, outline="#ffb000", width=2)
-    beside(folder, "how-to-poster", framed, part)
+    beside(folder, "how-to-poster", {"The whole picture": framed, "The framed part": part})
     tiled = whole.copy()
     draw = ImageDraw.Draw(tiled)
     places = [(x, y) for y in range(0, SMALL, TILE) for x in range(0, SMALL, TILE)]
     for number, (x, y) in enumerate(places):
         color = WORKERS[(number + y // TILE) % len(WORKERS)]
         draw.rectangle((x + 1, y + 1, x + TILE - 2, y + TILE - 2), outline=color, width=3)
-    beside(folder, "how-to-tiles", tiled, whole)
+    beside(folder, "how-to-tiles", {"Tiles of four workers": tiled, "The picture": whole})
     picture_and_depth(folder)
     example_of_the_readme(folder)
     effects(folder)
@@ -229,21 +230,18 @@ def effects(folder: Path) -> None:
 
     scans = [data_folder() / name for name in (BRAIN, SKULL)]
     if all(scan.exists() for scan in scans):
-        png = make(*scans, folder / "bone.json")._repr_png_()
-        save_jpeg(Image.open(io.BytesIO(png)).convert("RGB"), folder / "how-to-effects.jpg", 2 * MOST_BYTES)
+        beside(folder, "how-to-effects", make(*scans, folder / "bone.json"), 2 * MOST_BYTES, across=4)
 
 
 def strip(folder: Path) -> None:
     """gallery-strip.jpg: slices of the skull, two steps of the tutorial, and the gallery's scene of the same scan."""
     if not (data_folder() / SKULL).is_dir():
         return
-    pictures = [slices(data_folder() / SKULL)]
-    pictures += (Image.open(ROOT / "docs" / "images" / f"{name}.jpg").crop(part) for name, part in STEPS)
-    sheet = Image.new("RGB", (2 * STEP[0] + GAP, 2 * STEP[1] + GAP))
-    for number, one in enumerate(pictures):
-        place = number % 2 * (STEP[0] + GAP), number // 2 * (STEP[1] + GAP)
-        sheet.paste(one.convert("RGB").resize(STEP, Image.Resampling.LANCZOS), place)
-    sheet.save(folder / "gallery-strip.jpg", quality=85)
+    pictures = {"Slices": slices(data_folder() / SKULL)}
+    for caption, name, part in STEPS:
+        pictures[caption] = Image.open(ROOT / "docs" / "images" / f"{name}.jpg").crop(part)
+    pictures = {caption: one.convert("RGB").resize(STEP, Image.Resampling.LANCZOS) for caption, one in pictures.items()}
+    beside(folder, "gallery-strip", pictures, 2 * MOST_BYTES, across=2)
 
 
 def main() -> int:

@@ -11,11 +11,12 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image
+
+from .sheets import sheet
 
 MOST_BYTES = 450_000  # of a JPEG
 AFTER = "-after"  # ends the name of the second of a pair
-TITLE = 28  # pixels above each
 EDGE, CENTER = (17, 19, 23), (66, 74, 86)  # colors of the backdrop
 
 
@@ -39,26 +40,21 @@ def save_jpeg(picture: Image.Image, path: Path, most: int = MOST_BYTES) -> int:
     return quality
 
 
-def in_pairs(pictures: dict[str, Image.Image]) -> Image.Image:
-    """Four pictures in a row, half as large, each with its name above it, the first of a pair with that of its light.
-    Without pairs, a plus says that one adds to those before."""
-    paired, across = any(name.endswith(AFTER) for name in pictures), 4
-    width, height = (round(0.5 * side) for side in next(iter(pictures.values())).size)
-    sheet = Image.new("RGB", (across * width, (height + TITLE) * -(-len(pictures) // across)), "white")
-    pen, font = ImageDraw.Draw(sheet), ImageFont.load_default(18)
+def half_as_large(pictures: dict[str, Image.Image]) -> Image.Image:
+    """A sheet of four in a row, half as large, the first of a pair with the name of its light.  Without pairs, a plus
+    says that a light adds to those before."""
+    paired, parts = any(name.endswith(AFTER) for name in pictures), []
     for number, (name, picture) in enumerate(pictures.items()):
-        left, top = width * (number % across), (height + TITLE) * (number // across)
-        sheet.paste(picture.resize((width, height), Image.Resampling.LANCZOS), (left, top + TITLE))
         of, _, when = name.partition("-")
         title = ("" if paired or number < 2 else "+ ") + ("Headlight" if when == "before" else of.title())
-        pen.text((left + 2, top + 3), title, fill="black", font=font)
-    return sheet
+        parts.append((title, np.asarray(picture.reduce(2))))
+    return Image.fromarray(sheet(parts, 4))
 
 
 def main(folder: Path, path: Path, finer: int) -> None:
     names = json.loads((folder / "parts.json").read_text())
     pictures = {name: on_backdrop(Image.open(folder / f"{name}.png").reduce(finer)) for name in names}
-    save_jpeg(in_pairs(pictures) if len(names) > 1 else pictures[names[0]], path)
+    save_jpeg(half_as_large(pictures) if len(names) > 1 else pictures[names[0]], path)
 
 
 if __name__ == "__main__":

@@ -2,12 +2,16 @@
 
 import os
 import subprocess
+import sys
+from importlib import import_module
 from math import radians
 from pathlib import Path
 
 import bpy
+import numpy as np
 from mathutils import Euler, Matrix, Vector
 
+from tests.blender.real_blender import MODULE
 from tests.blender.user_steps import simulate
 from tests.blender.window_driver import SHOTS, area_of, in_the_view, new_file, photograph, window
 
@@ -16,25 +20,51 @@ AORTA = "cta_aorta_labels"
 HEART = f"{AORTA}/cta_heart_aorta_120x126x164_int16.nii.gz"
 BRAIN, HEAD_MR = "flair_brain_124x160x140_uint8.nrrd", "t1_head_188x256x190_uint8.nii.gz"
 QUALITY = "70"
+ARROW = ((0, 0), (0, 17), (4, 13), (7, 20), (10, 19), (7, 12), (12, 12))  # pixels from the mouse, down
 SCANS = Path("/scans")  # of the small system: a path that a reader could have
 
 
-def keep(name: str, part: str = ""):
-    """A photograph, or the part of it, as JPEG."""
+def keep(name: str, part: str = "", words=()):
+    """A photograph, or the part of it, changed by words of ImageMagick, as JPEG."""
     yield from photograph(name)
     path = Path(os.environ[SHOTS]) / f"{name}.png"
-    crop = ["-crop", part, "+repage"] if part else []
-    subprocess.run(["convert", str(path), *crop, "-quality", QUALITY, str(path.with_suffix(".jpg"))], check=True)
+    words = [*words, "-crop", part, "+repage"] if part else words
+    subprocess.run(["convert", str(path), *words, "-quality", QUALITY, str(path.with_suffix(".jpg"))], check=True)
 
 
-def beside(name: str, *parts: str) -> None:
-    """Pictures in a row, as one."""
+def beside(name: str, parts: dict[str, str], across: int | None = None) -> None:
+    """A sheet of photographs by their captions, as JPEG."""
+    sys.path.append(str(Path(import_module(MODULE).__file__).parent))  # has rle_splat, whose letters a sheet has
+    from devtools.sheets import sheet
+
     folder = Path(os.environ[SHOTS])
-    words = [str(folder / f"{part}.jpg") for part in parts]
-    subprocess.run(["convert", *words, "-bordercolor", "black", "-border", "2", "+append", "-resize", "1100x>",
-                    "-quality", QUALITY, str(folder / f"{name}.jpg")], check=True)  # fmt: skip
-    for part in parts:
+    made = sheet([(caption, pixels(folder / f"{part}.jpg")) for caption, part in parts.items()], across)
+    height, width = made.shape[:2]
+    subprocess.run(["convert", "-size", f"{width}x{height}", "-depth", "8", "rgb:-", "-resize", "1100x>", "-quality",
+                    QUALITY, str(folder / f"{name}.jpg")], input=made.tobytes(), check=True)  # fmt: skip
+    for part in parts.values():
         (folder / f"{part}.jpg").unlink()
+
+
+def pixels(path: Path) -> np.ndarray:
+    """(H, W, 3) uint8: a picture that was kept."""
+    command = ["convert", str(path), "-depth", "8", "ppm:-"]
+    _, size, _, data = subprocess.run(command, check=True, stdout=subprocess.PIPE).stdout.split(b"\n", 3)
+    width, height = map(int, size.split())
+    return np.frombuffer(data, np.uint8).reshape(height, width, 3)
+
+
+def arrow(at) -> list[str]:
+    """Words of ImageMagick that draw the mouse at a pixel of the window."""
+    corners = " ".join(f"{at[0] + x},{window().height - at[1] + y}" for x, y in ARROW)
+    return ["-fill", "white", "-stroke", "black", "-strokewidth", "1", "-draw", f"polygon {corners}"]
+
+
+def line(begin_at, end_at) -> list[str]:
+    """Words of ImageMagick that draw the way of the mouse between two pixels of the window."""
+    way = " ".join(f"{int(x)},{window().height - int(y)}" for x, y in (begin_at, end_at))
+    pens = ("-stroke", "black", "-strokewidth", "5"), ("-stroke", "white", "-strokewidth", "2")
+    return [word for pen in pens for word in (*pen, "-draw", f"line {way}")]
 
 
 def look_from(tilt: float, turn: float, nearer: float = 0.6) -> None:

@@ -24,11 +24,13 @@ from tests.blender.guide_steps import (
     HEART,
     SCANS,
     activate,
+    arrow,
     bare,
     begin,
     beside,
     imported,
     keep,
+    line,
     look_from,
 )
 from tests.blender.real_blender import MODULE
@@ -44,8 +46,9 @@ from tests.blender.window_driver import (
     window,
 )
 
-HEAD = "620x560+140+170"
-BEATING, PANEL = "280x330+380+230", "260x330+990+448"
+HEAD, HEART_CUT = "620x560+140+170", "620x560+153+170"
+TOOL = "760x440+0+28"  # with the toolbar and both headers
+BEATING, PANEL = "280x322+380+234", "260x322+990+455"
 RAW = "cthead_256x256x113_uint16be.raw.gz"
 FOOT = "foot_256x256x256_uint8_fromjpeg.raw.gz"
 PANELS = ("transfer", "slices", "shading")  # that are open
@@ -74,17 +77,29 @@ def curve():
 
 
 def window_tool():
+    """The value under the mouse, and a drag."""
     yield from imported("mr-head", HEAD_MR)
     bare()
-    look_from(80.0, -50.0, 0.5)
+    look_from(80.0, -50.0, 0.72)
+    area_of("VIEW_3D").spaces.active.region_3d.view_location.z -= 0.075  # higher in the picture
     with in_the_view():
         bpy.ops.rle_splat.use_window_tool()
     yield from settled()
-    for x in (60.0, 61.0):
-        simulate("MOUSEMOVE", "NOTHING", middle(x, 40.0))
+    begin_at, end_at = middle(60.0, 30.0), middle(-100.0, 190.0)
+    for at in (middle(), begin_at):
+        simulate("MOUSEMOVE", "NOTHING", at)
         yield
     yield from settled()
-    yield from keep("how-to-window")
+    yield from keep("read", TOOL, arrow(begin_at))
+    simulate("LEFTMOUSE", "PRESS", begin_at)
+    for share in np.linspace(0.1, 1.0, 10):
+        yield
+        simulate("MOUSEMOVE", "NOTHING", np.array(begin_at) + share * np.subtract(end_at, begin_at))
+    yield from settled()
+    yield from keep("drag", TOOL, [*line(begin_at, end_at), *arrow(end_at)])
+    yield from press("ESC", end_at)
+    dragged = "Drag up and to the left: the level rises, the window shrinks"
+    beside("how-to-window", {"Read the value under the mouse": "read", dragged: "drag"}, across=1)
     passed("window")
 
 
@@ -127,7 +142,7 @@ def kept():
     volume.rle_splat.shift_by = 0.0
     yield from settled()
     yield from keep("kept", HEAD)
-    beside("how-to-keep", "all", "kept")
+    beside("how-to-keep", {"Angio": "all", "Kept by one click, Shift 130 HU": "kept"})
     passed("kept")
 
 
@@ -193,7 +208,7 @@ def smoothness():
         volume.rle_splat.smoothness = smoothness
         yield from settled()
         yield from keep(name, HEAD)
-    beside("how-to-smoothness", "rough", "smooth")
+    beside("how-to-smoothness", {"Smoothness 0": "rough", "Smoothness 3 mm": "smooth"})
     passed("smoothness")
 
 
@@ -206,33 +221,42 @@ def table():
         assert bpy.ops.rle_splat.hide_table() == {"FINISHED"}
     yield from settled()
     yield from keep("free", HEAD)
-    beside("how-to-table", "table", "free")
+    beside("how-to-table", {"Before Hide Table": "table", "After Hide Table": "free"})
     passed("table")
 
 
 def cut():
-    """A heart, whole, cut open by a box whose handles are shown, and with gray values on the cut."""
+    """A heart: whole, cut open by a plane and by a box whose handles are shown, and with gray values on the cut."""
     volume = yield from imported("ct-angiography", HEART)
+    bare()
+    view = area_of("VIEW_3D").spaces.active
     look_from(78.0, 25.0, 0.5)
     yield from settled()
-    yield from keep("closed", HEAD)
+    yield from keep("whole", HEART_CUT)
+    with in_the_view():
+        assert bpy.ops.rle_splat.add_cutting_object(kind="PLANE") == {"FINISHED"}
+    yield from settled()
+    yield from keep("plane", HEART_CUT)
+    bpy.data.objects.remove(bpy.context.view_layer.objects.active)
+    activate(volume)
     with in_the_view():
         assert bpy.ops.rle_splat.add_cutting_object(kind="BOX", keep="INSIDE") == {"FINISHED"}
     box = bpy.context.view_layer.objects.active
     box.matrix_world.translation.y += 0.085  # m
     yield from settled()
-    yield from keep("open", HEAD)
+    yield from keep("box", HEART_CUT)
     activate(volume)
     with in_the_view():
         assert bpy.ops.rle_splat.gray_values_on_cut() == {"FINISHED"}
-    ours, view = volume.rle_splat, area_of("VIEW_3D").spaces.active
+    ours = volume.rle_splat
     ours.slices_follow_window, ours.slice_center, ours.slice_width = False, 150.0, 900.0
     bpy.context.scene.view_settings.view_transform = "Standard"  # leaves gray values as they are
     view.shading.type, view.overlay.show_overlays = "MATERIAL", False
     yield from settled()
     yield from wait_for_rest()  # with the shaders of the slice
-    yield from keep("sliced", HEAD)
-    beside("how-to-cut", "closed", "open", "sliced")
+    yield from keep("gray", HEART_CUT)
+    named = {"Whole": "whole", "Cut by a plane": "plane", "Cut by a box": "box", "Gray Values on Cut": "gray"}
+    beside("how-to-cut", named, across=2)
     passed("cut")
 
 
@@ -257,7 +281,7 @@ def surface():
     view.overlay.show_wireframes, view.overlay.wireframe_threshold, view.overlay.wireframe_opacity = True, 1.0, 0.4
     yield from wait_for_rest()
     yield from keep("mesh", HEAD)
-    beside("how-to-surface", "volume", "mesh")
+    beside("how-to-surface", {"Volume": "volume", "Mesh": "mesh"})
     passed("surface")
 
 
@@ -351,13 +375,14 @@ def in_time():
     volume.select_set(False)
     bare()
     look_from(48.0, -30.0, 0.6)
+    shown = {"Time point 1": "time-1", "Time point 4": "time-4", "Time point 7": "time-7", "Time panel": "time-panel"}
     for number in (1, 4, 7):
         bpy.context.scene.frame_set(number)
         yield from settled()
         yield from keep(f"time-{number}", BEATING)
     yield from scroll_sidebar(30)
     yield from keep("time-panel", PANEL)
-    beside("how-to-time", "time-1", "time-4", "time-7", "time-panel")
+    beside("how-to-time", shown)
     passed("time")
 
 

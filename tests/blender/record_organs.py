@@ -111,7 +111,7 @@ def tutorial_of_organs():
         row.show = row.label != 0 and row.label_name not in LEFT_OUT
     yield from settled()
     yield from keep("alone", ORGANS)
-    beside("how-to-isolate", "whole", "alone")
+    beside("how-to-isolate", {"The whole scan": "whole", "Segments alone": "alone"})
     view.overlay.show_overlays = True
     with in_the_view():
         assert bpy.ops.rle_splat.add_slice(kind="axial") == {"FINISHED"}

@@ -21,6 +21,7 @@ import numpy as np
 from bpy_extras.view3d_utils import location_3d_to_region_2d
 from mathutils import Euler, Vector
 
+from tests.blender.guide_steps import arrow
 from tests.blender.real_blender import MODULE
 from tests.blender.user_steps import find_button, middle, press, scroll_sidebar, settled, simulate
 from tests.blender.window_driver import (
@@ -44,7 +45,6 @@ FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_recording_"))
 CENTISECONDS, HOLD = 7, 20  # of a frame; frames for which a step stands still
 QUALITY = 84
 FONT = "/usr/share/fonts/truetype/dejavu/DejaVuSans.ttf"
-ARROW = ((0, 0), (0, 17), (4, 13), (7, 20), (10, 19), (7, 12), (12, 12))  # pixels from the mouse, down
 STEPS, DOWN, FURTHER = 22, 12, 5  # of a drag; turns of the wheel to Cut, and to its lower buttons
 TOWARD = (-1.5, -1.55, 0.66)  # where the camera is, from the middle of the scan, in sizes of it
 NEARER = 0.42  # than Frame, which shows the whole box
@@ -234,8 +234,7 @@ def save() -> None:
     pictures = []
     for number, (times, caption, at) in enumerate(shown):
         path = folder / f"captioned-{number:03}.png"
-        arrow = " ".join(f"{at[0] + x},{window().height - at[1] + y}" for x, y in ARROW) if at else ""
-        words = ["-fill", "white", "-stroke", "black", "-draw", f"polygon {arrow}"] if at else []
+        words = arrow(at) if at else []
         words += ["-stroke", "none", "-font", FONT, "-gravity", "SouthWest", "-pointsize", "24",
                   "-fill", "white", "-undercolor", "#000c", "-annotate", f"+{RIGHT}+30", f" {caption} "]  # fmt: skip
         words = [*NO_SECONDS, *words] if caption == "F12" else words

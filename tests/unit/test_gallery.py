@@ -1,5 +1,5 @@
-"""The gallery, as far as it goes without Blender: what stands in for scans, finer grids, backdrops, the page, and names
-that agree."""
+"""The gallery, as far as it goes without Blender: what stands in for scans, finer grids, backdrops, sheets, the page,
+and names that agree."""
 
 import ast
 import importlib.util
@@ -11,6 +11,7 @@ from PIL import Image
 
 from devtools import gallery, gallery_pictures
 from devtools.places import Failure
+from devtools.sheets import GAP, sheet
 
 DEVTOOLS = Path(gallery.__file__).parent
 
@@ -89,6 +90,19 @@ def test_a_jpeg_keeps_to_its_number_of_bytes(tmp_path):
     best = gallery_pictures.save_jpeg(Image.fromarray(noise), tmp_path / "best.jpg")
     small = gallery_pictures.save_jpeg(Image.fromarray(noise), tmp_path / "small.jpg", most=6000)
     assert best > small and (tmp_path / "small.jpg").stat().st_size <= 6000 < (tmp_path / "best.jpg").stat().st_size
+
+
+def test_a_sheet_has_its_pictures_below_their_captions():
+    parts = [(caption, np.full((30, 200, 3), gray, np.uint8)) for caption, gray in (("A", 10), ("", 20), ("A", 30))]
+    made = sheet(parts, 2)
+    bar = (len(made) - GAP) // 2 - 30
+    assert made.shape == (2 * (bar + 30) + GAP, 400 + GAP, 3)
+    assert (made[bar : bar + 30, :200] == 10).all() and (made[bar : bar + 30, -200:] == 20).all()
+    assert (made[-30:, :200] == 30).all() and np.ptp(made[-30:, 200:]) == 0
+    long = sheet([("A long caption of a narrow picture", parts[0][1])] * 2)  # in letters small enough for it
+    assert np.ptp(long[:-30, 196:204]) == 0 < np.ptp(long[:-30, :196])
+    for top in (0, bar + 30 + GAP):  # white letters on the ground
+        assert made[top : top + bar, :200].max() > 200 and np.ptp(made[top : top + bar, 200:]) == 0
 
 
 # --- the page ---------------------------------------------------------------------------------------------------------
