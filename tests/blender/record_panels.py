@@ -163,7 +163,8 @@ def check_slices():
     yield from seen("02-three-slices")
     at = yield from find_button(f"{OP}use_window_tool(", columns=(45,))
     before = properties.window_center, properties.window_width
-    yield from choose((at[0] - OF_NEXT, at[1]), 3)  # All Values, Bone, Soft Tissue, Brain
+    windows = [name for name, *_ in module("operators.window_level").ITEMS if name != "CUSTOM"]
+    yield from choose((at[0] - OF_NEXT, at[1]), windows.index("CT_BRAIN"))
     yield from settled()
     shown = properties.slice_center, properties.slice_width
     assert shown == (40.0, 80.0), shown

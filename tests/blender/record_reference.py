@@ -83,12 +83,11 @@ def crop(title: str):
     rows = np.abs(shown - shown[-1, EDGE]).max(axis=(1, 2)) > 0.01
     height = np.flatnonzero(rows).max() + EDGE
     part = f"{path}[{shown.shape[1]}x{height}+{region.x}+{above}]"
-    compressed = ".png", ("-dither", "None", "-colors", COLORS)
+    target, words = f"PNG8:{path}", ("-dither", "None", "-colors", COLORS)
     if title == PHOTOGRAPHS:
-        compressed = ".jpg", ("-quality", QUALITY)
-    suffix, words = compressed
-    subprocess.run(["convert", part, "+repage", *map(str, words), str(path.with_suffix(suffix))], check=True)
-    if suffix != path.suffix:
+        target, words = path.with_suffix(".jpg"), ("-quality", QUALITY)
+    subprocess.run(["convert", part, "+repage", *map(str, (*words, target))], check=True)
+    if title == PHOTOGRAPHS:
         path.unlink()
     return window().height - above - height
 
