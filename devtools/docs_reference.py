@@ -32,12 +32,14 @@ from .licenses import bundled
 from .places import ROOT
 
 PLACES = {  # (bl_space_type, bl_category or bl_context) -> where a user finds a panel
-    ("VIEW_3D", "RLE Splat"): "3D Viewport > Sidebar > RLE Splat",
+    ("VIEW_3D", "RLE Splat"): "Sidebar > RLE Splat",
     ("PROPERTIES", "render"): "Properties > Render",
     ("PROPERTIES", "data"): "Properties > Object Data",
 }
 LONG_LIST = 12  # choices; of more, only the names are listed
-IN_LINES = 6  # choices; of more, each has a line of its own
+IN_LINES = 2  # choices; of more, each has a line of its own
+LINE = "<br>"  # between choices that have lines of their own
+IMAGES = ROOT / "docs" / "images"
 DIALOG = "use_dialog"  # which scripts need not set
 UNSET = "If unset"  # in the description of a property that has another default than its type's
 BLENDERS = {  # what Blender or an effect declares, by the name or the label in a panel
@@ -255,13 +257,13 @@ def _meaning(entry: dict, script: bool = False) -> str:
     Of a long list only the names: presets have a page of their own.
     """
     is_long = len(entry["choices"]) > LONG_LIST
-    separator = ", " if is_long else "<br>" if len(entry["choices"]) > IN_LINES else "; "
+    separator = ", " if is_long else LINE if len(entry["choices"]) > IN_LINES else "; "
     choices = separator.join(
         " ".join([f"`{name}`"] * script + [f"*{label}*"] * (not (is_long and script)))
         + (f": {text}" if text and not is_long else "")
         for name, label, text in entry["choices"]
     )  # fmt: skip
-    return f"{sentence(entry['description'])}{'<br>' if separator == '<br>' else ' '}{choices}".strip()
+    return f"{sentence(entry['description'])}{LINE if separator == LINE else ' '}{choices}".strip()
 
 
 def operators() -> str:
@@ -282,12 +284,15 @@ def operators() -> str:
 
 
 def panels() -> str:
-    """Every panel: where it is, and what it draws, from the top."""
+    """Every panel: its picture, where it is, and what it draws, from the top; choices are explained once."""
     files: dict[str, list[Declared]] = {}
     for one in _of_kind("RLE_SPLAT_PT_"):
         files.setdefault(one.file, []).append(one)
-    parts = []
-    for file, ours in sorted(files.items(), key=lambda entry: _place_in_tab(entry[1][0])):
+    in_order = sorted(files.items(), key=lambda entry: _place_in_tab(entry[1][0]))
+    parts = [" · ".join(_link(_text(ours[0], "bl_label")) for _, ours in in_order)]
+    explained: dict[str, str] = {}  # a setting with its choices -> the panel that had it first
+    for file, ours in in_order:
+        title = _text(ours[0], "bl_label")
         known = BLENDERS | {name: (entry["name"], _meaning(entry)) for name, entry in _settings_of(file).items()}
         known |= {_text(one, "bl_idname"): (_text(one, "bl_label"), sentence(_text(one, "bl_description") or one.doc))
                   for one in _of_kind("RLE_SPLAT_OT_")}  # fmt: skip
@@ -295,12 +300,24 @@ def panels() -> str:
         for _, name, drawn, menu in rows_of(ROOT / file, ours[0].name):
             if name in known:
                 label, meaning = _drawn(known[name][0], drawn, menu), known[name][1]
+                if LINE in meaning and (first := explained.setdefault(meaning, title)) != title:
+                    meaning = f"As in {_link(first)}."
                 rows.setdefault(label, meaning)
-        parts.append(f"## {_text(ours[0], 'bl_label')}")
+        parts.append(f"## {title}")
         parts.append(sentence(ast.get_docstring(ours[0].module).partition(": ")[2] or ours[0].doc))
+        parts += [f"![The panel {title}, open](../images/{one.name})" for one in IMAGES.glob(f"panel-{_slug(title)}.*")]
         parts.append(f"Where: {'; '.join(map(_where, ours))}.")
         parts += [table(("button or setting", "what it does"), rows.items())] if rows else []
     return "\n\n".join(parts)
+
+
+def _slug(title: str) -> str:
+    """A title as links and names of files have it."""
+    return title.lower().replace(" ", "-")
+
+
+def _link(title: str) -> str:
+    return f"[{title}](#{_slug(title)})"
 
 
 def _drawn(name: str, labels: list[str], menu: str) -> str:

@@ -11,6 +11,7 @@ from ..bridge.volumes import facts, volumes
 from ..rle_splat.scene import RleSplatError
 from .places import RenderTab, Sidebar, paragraph
 
+METHOD_SHARE = 0.6  # of a row, for Original 2003 Method beside Custom
 KNOBS = (
     "depth_rule", "sheet_density", "kernel", "minification", "warp_filter", "termination", "rays", "axis_fade", "model",
 )  # fmt: skip
@@ -43,7 +44,7 @@ class AdvancedPanel:
         layout.use_property_decorate = False
         settings = context.scene.rle_splat
         _draw_error(context, layout)
-        row = layout.row(align=True)
+        row = layout.split(factor=METHOD_SHARE, align=True)
         row.use_property_split = False
         for name in ("paper", "custom"):
             row.prop_enum(settings, "quality", name)

@@ -8,6 +8,7 @@ from ..bridge.volumes import volumes
 from ..operators.window_level import ITEMS as WINDOW_ITEMS
 from .places import Sidebar, paragraph
 
+NAME_SHARE = 0.54  # of a row, for the name of a slice beside its place
 TRUE_GRAYS = "Standard", "Raw"  # view transforms
 
 
@@ -32,7 +33,7 @@ class RLE_SPLAT_PT_slices(Sidebar, bpy.types.Panel):
             return
         depsgraph = context.evaluated_depsgraph_get()
         for one in found:
-            halves = layout.split(factor=0.5, align=True)
+            halves = layout.split(factor=NAME_SHARE, align=True)
             unit = one.parent.rle_splat.length_unit if one.parent is not None else ""
             side = slice_places.growing_side(one, depsgraph)
             name = with_unit(_short_name(one), ", ".join(filter(None, (side, unit))))

@@ -1,6 +1,7 @@
 """What the recorders of guides and tutorials share: a bare window, photographs as JPEG, and lights."""
 
 import os
+import shutil
 import subprocess
 import sys
 from importlib import import_module
@@ -81,6 +82,16 @@ def begin():
     with bpy.context.temp_override(window=window(), area=area_of("PROPERTIES")):
         bpy.ops.screen.area_close()
     yield
+
+
+def masks() -> Path:
+    """A folder of masks as TotalSegmentator writes them, with a label map of both lumina."""
+    folder = SCANS / "segmentations"
+    folder.mkdir(parents=True, exist_ok=True)
+    for path in (DATA / AORTA).glob("mask_*.nii.gz"):
+        shutil.copyfile(path, folder / path.name.removeprefix("mask_"))
+    shutil.copyfile(DATA / AORTA / "labels_true_false_lumen_uint8.nii.gz", folder / "aorta_lumens.nii.gz")
+    return folder
 
 
 def activate(volume) -> None:

@@ -16,7 +16,7 @@ from pathlib import Path
 import bpy
 from mathutils import Vector
 
-from tests.blender.guide_steps import AORTA, DATA, SCANS, activate, begin, beside, keep, lamp, look_from
+from tests.blender.guide_steps import AORTA, DATA, SCANS, activate, begin, beside, keep, lamp, look_from, masks
 from tests.blender.real_blender import MODULE
 from tests.blender.user_steps import middle, press, settled
 from tests.blender.window_driver import (
@@ -41,16 +41,6 @@ DESCENDING = 0.35  # of the picture's height: how far below the line to the fals
 ARTERY, NEAR_AORTA = "Left subclavian artery", (0.503, 0.83)  # its place in the picture, in shares of it
 RINGS = "annulus_proper", "sinotubular_junction"  # thin ones, in a color of their own
 GROUND, VESSEL_WINDOW, VIOLET, YELLOW = 551.0, (150.0, 900.0), (0.22, 0.1, 0.42), (0.8, 0.55, 0.1)
-
-
-def masks() -> Path:
-    """A folder of masks as TotalSegmentator writes them, with a label map of both lumina."""
-    folder = SCANS / "segmentations"
-    folder.mkdir(parents=True, exist_ok=True)
-    for path in (DATA / AORTA).glob("mask_*.nii.gz"):
-        shutil.copyfile(path, folder / path.name.removeprefix("mask_"))
-    shutil.copyfile(DATA / AORTA / "labels_true_false_lumen_uint8.nii.gz", folder / "aorta_lumens.nii.gz")
-    return folder
 
 
 def label(volume, text: str, place) -> None:

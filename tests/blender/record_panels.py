@@ -163,7 +163,8 @@ def check_slices():
     yield from seen("02-three-slices")
     at = yield from find_button(f"{OP}use_window_tool(", columns=(45,))
     before = properties.window_center, properties.window_width
-    yield from choose((at[0] - OF_NEXT, at[1]), 3)  # All Values, Bone, Soft Tissue, Brain
+    windows = [name for name, *_ in module("operators.window_level").ITEMS if name != "CUSTOM"]
+    yield from choose((at[0] - OF_NEXT, at[1]), windows.index("CT_BRAIN"))
     yield from settled()
     shown = properties.slice_center, properties.slice_width
     assert shown == (40.0, 80.0), shown
@@ -226,7 +227,7 @@ def check_four_up():
     owner = volumes()[0]
     space().show_object_viewport_volume = True
     scenes.activate(owner)
-    yield from press_button(f"{OP}four_up(", columns=RIGHT)
+    yield from press_button(f"{OP}four_up_view(", columns=RIGHT)
     yield from settled()
     assert len(space().region_quadviews) == 4
     region = [one for one in area_of("VIEW_3D").regions if one.type == "WINDOW"][1]  # top left, the axial one
@@ -246,7 +247,7 @@ def check_four_up():
     yield from press_setting("slices_follow_window", columns=LEFT)
     yield from photograph("08-linked")
     assert owner.rle_splat.slices_follow_window
-    yield from press_button(f"{OP}four_up(", columns=RIGHT)
+    yield from press_button(f"{OP}four_up_view(", columns=RIGHT)
     yield from settled()
     assert not len(space().region_quadviews)
 
@@ -366,13 +367,13 @@ def check_cut():
     yield from start("clip_objects")
     owner = volumes()[0]
     whole = yield from seen("50-whole")
-    yield from press_button(f"{OP}add_clip(", "BOX", columns=LEFT)
+    yield from press_button(f"{OP}add_cutting_object(", "BOX", columns=LEFT)
     box = bpy.context.scene.rle_splat.clip_objects.objects[0]
     box.scale.y *= 0.5
     yield from settled()
     scenes.activate(owner)
     cut = yield from seen("51-cut")
-    at = yield from find_button(f"{OP}add_clip(", "BOX", columns=LEFT)
+    at = yield from find_button(f"{OP}add_cutting_object(", "BOX", columns=LEFT)
     sidebar = region_of(area_of("VIEW_3D"), "UI")
     header = yield from find_button(
         "rle_splat.use_clips", columns=[sidebar.x + sidebar.width - x for x in range(int(at[0]) - 60, int(at[0]), 8)]
@@ -382,7 +383,7 @@ def check_cut():
     off = yield from seen("52-cut-off")
     assert not bpy.context.scene.rle_splat.use_clips
     yield from press("LEFTMOUSE", header)
-    yield from press_button(f"{OP}fit_clip(", columns=RIGHT)
+    yield from press_button(f"{OP}fit_cutting_object(", columns=RIGHT)
     yield from settled()
     scenes.activate(owner)
     fitted = yield from seen("53-fitted")
@@ -401,7 +402,7 @@ def check_presets():
         yield from settled()
         yield from photograph(f"61-{name}")
         print(name, owner.rle_splat.transfer_name, flush=True)
-    first = yield from find_button(f"{OP}save_own_preset(", columns=LEFT)
+    first = yield from find_button(f"{OP}save_user_preset(", columns=LEFT)
     yield from photograph("62-presets")
     header = first[0] - 40, first[1] + TO_HEADER
     yield from hover(header)
@@ -451,11 +452,11 @@ def check_channels():
     path = FOLDER / "labels_uint8.raw"
     (volume.voxels > 1024 + 300).astype(np.uint8).tofile(path)
     owner.rle_splat.label_file = str(path)
-    yield from press_button(f"{OP}read_labels(", columns=RIGHT)
+    yield from press_button(f"{OP}load_segments(", columns=RIGHT)
     yield from settled()
     assert len(owner.rle_splat.labels)
     yield from photograph("71-segments")
-    yield from press_button(f"{OP}clear_labels(", columns=(45, 55))
+    yield from press_button(f"{OP}clear_segments(", columns=(45, 55))
     yield from settled()
     yield from photograph("72-cleared")
     assert not owner.rle_splat.labels and not owner.rle_splat.label_file

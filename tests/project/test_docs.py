@@ -220,6 +220,10 @@ def test_the_reference_lists_every_panel_with_its_settings():
     for section in text.split("\n## "):
         rows = re.findall(r"^\| (.+?) \|", section, re.MULTILINE)
         assert len(rows) == len(set(rows)), section.partition("\n")[0]
+    shown = re.findall(r"^!\[The panel (.+), open\]\(\.\./images/panel-([a-z-]+)\.\w+\)$", text, re.MULTILINE)
+    pictures = [path.stem.removeprefix("panel-") for path in (ROOT / "docs/images").glob("panel-*")]
+    assert sorted(name for _, name in shown) == sorted(pictures)
+    assert all(f"[{title}](#{name})" in text for title, name in shown)
     assert text.count("Import Volume…") == 1 and text.index("\n## Segments") < text.index("\n## Channels")
 
 
