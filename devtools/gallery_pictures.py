@@ -1,4 +1,5 @@
-"""Put a picture of the gallery, or pairs of them, on its backdrop and compress it (runs in an environment with Pillow).
+"""Put a picture of the gallery, or several side by side, on its backdrop and compress it (runs in an environment with
+Pillow).
 
 Arguments: the folder with the pictures and their names in ``parts.json``; the file to write; by how much they are
 scaled down.
@@ -16,6 +17,7 @@ from PIL import Image, ImageDraw, ImageFont
 MOST_BYTES = 450_000  # of a JPEG
 AFTER = "-after"  # ends the name of the second of a pair
 TITLE = 28  # pixels above each
+GAP = 4  # pixels between two in a row
 EDGE, CENTER = (17, 19, 23), (66, 74, 86)  # colors of the backdrop
 
 
@@ -55,10 +57,21 @@ def in_pairs(pictures: dict[str, Image.Image]) -> Image.Image:
     return sheet
 
 
+def in_a_row(pictures: dict[str, Image.Image]) -> Image.Image:
+    """Pictures side by side, each with its name in the corner; a picture alone has none."""
+    width, height = next(iter(pictures.values())).size
+    sheet, font = Image.new("RGB", ((width + GAP) * len(pictures) - GAP, height), EDGE), ImageFont.load_default(20)
+    for number, (name, picture) in enumerate(pictures.items()):
+        sheet.paste(picture, ((width + GAP) * number, 0))
+        if len(pictures) > 1:
+            ImageDraw.Draw(sheet).text(((width + GAP) * number + 12, 8), name, fill="white", font=font)
+    return sheet
+
+
 def main(folder: Path, path: Path, finer: int) -> None:
     names = json.loads((folder / "parts.json").read_text())
     pictures = {name: on_backdrop(Image.open(folder / f"{name}.png").reduce(finer)) for name in names}
-    save_jpeg(in_pairs(pictures) if len(names) > 1 else pictures[names[0]], path)
+    save_jpeg((in_pairs if len(names) > 3 else in_a_row)(pictures), path)
 
 
 if __name__ == "__main__":
