@@ -12,7 +12,7 @@ from .environments import CORE, any_bpy, ensure
 from .places import OUT, ROOT, Failure, clean_environ, run, say
 
 FOLDER = OUT / "gallery"
-PARTS = ("scene", "sets", "flat", "light", "skull", "studio", "data", "grids")
+PARTS = ("scene", "sets", "flat", "light", "skull", "studio", "data", "grids", "meshes")
 SCRIPTS = ("demo_scene.py", "phantom.py", *(f"gallery_{part}.py" for part in PARTS))
 
 
@@ -35,6 +35,9 @@ SHOTS = {
     "pet": Shot("a PET from two sides with its tumors in color and a bar in SUV", (1500, 1000), 12, finer=2),
     "light": Shot("six scans as they are imported, and under the light of a recipe", (680, 600), 1, finer=2),
     "lamps": Shot("a brain as it is imported, and with a key, a fill and a rim light", (800, 760), 1, finer=2),
+    "shadows": Shot("the shadow of a foot by Cycles and by EEVEE", (480, 540), 48),
+    "meshes": Shot("a brain among meshes, and behind glass", (960, 640), 64),
+    "baked": Shot("a brain by RLE Splat, and baked to Cycles' own volume", (320, 320), 128),
 }
 
 

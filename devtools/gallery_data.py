@@ -89,4 +89,11 @@ def brain(folder: Path):
     return path, {}, path.name
 
 
+def shadows(folder: Path):
+    """A foot, by a rotating X-ray C-arm."""
+    path = _asked_for("foot_256x256x256_uint8_fromjpeg.raw.gz")
+    return path, {"spacing": (1.0, 1.0, 1.0)}, path.name
+
+
+meshes = baked = brain
 light, lamps = skull, brain  # the first of several scans

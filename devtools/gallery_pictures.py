@@ -1,4 +1,5 @@
-"""Put a picture of the gallery, or pairs of them, on its backdrop and compress it (runs in an environment with Pillow).
+"""Put a picture of the gallery, or several side by side, on its backdrop and compress it (runs in an environment with
+Pillow).
 
 Arguments: the folder with the pictures and their names in ``parts.json``; the file to write; by how much they are
 scaled down.
@@ -54,7 +55,13 @@ def half_as_large(pictures: dict[str, Image.Image]) -> Image.Image:
 def main(folder: Path, path: Path, finer: int) -> None:
     names = json.loads((folder / "parts.json").read_text())
     pictures = {name: on_backdrop(Image.open(folder / f"{name}.png").reduce(finer)) for name in names}
-    save_jpeg(half_as_large(pictures) if len(names) > 1 else pictures[names[0]], path)
+    if len(names) > 3:
+        made = half_as_large(pictures)
+    elif len(names) > 1:
+        made = Image.fromarray(sheet([(name, np.asarray(one)) for name, one in pictures.items()]))
+    else:
+        made = pictures[names[0]]
+    save_jpeg(made, path)
 
 
 if __name__ == "__main__":

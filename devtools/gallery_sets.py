@@ -14,6 +14,7 @@ import gallery_data
 from demo_scene import named, rod
 from gallery_flat import cortex, pet
 from gallery_light import lamps, light
+from gallery_meshes import baked, meshes, shadows
 from gallery_skull import skull
 from gallery_studio import (
     COLD,
@@ -265,4 +266,7 @@ def nuclei(stage: Stage):
     yield RENDER
 
 
-SETS = {"skull": skull, "heart": heart, "nuclei": nuclei, "cortex": cortex, "pet": pet, "light": light, "lamps": lamps}
+SETS = {
+    "skull": skull, "heart": heart, "nuclei": nuclei, "cortex": cortex, "pet": pet, "light": light, "lamps": lamps,
+    "shadows": shadows, "meshes": meshes, "baked": baked,
+}  # fmt: skip

@@ -66,7 +66,7 @@ def _surface_before(bone, eye: Vector) -> tuple[Vector, Vector]:
     return bone.matrix_world @ place, normal.normalized()
 
 
-def _remove(half: Vector, matrix: Matrix) -> None:
+def remove_box(half: Vector, matrix: Matrix) -> None:
     """A box that cuts away what is inside; ``half`` of its sides, in meters."""
     bpy.ops.rle_splat.add_cutting_object(kind="BOX", keep="OUTSIDE")
     box = bpy.context.view_layer.objects.active
@@ -143,9 +143,9 @@ def skull(stage: Stage):
     place, normal = _plate(stage, bone, titanium)
     bone.hide_render = bone.hide_viewport = True
     bpy.context.view_layer.objects.active = stage.volume
-    _remove(MM * DEFECT, Matrix.Translation(place) @ normal.to_track_quat("-Y", "Z").to_matrix().to_4x4())
+    remove_box(MM * DEFECT, Matrix.Translation(place) @ normal.to_track_quat("-Y", "Z").to_matrix().to_4x4())
     bpy.context.view_layer.objects.active = stage.volume
-    _remove(MM * Vector((100.0, 200.0, 100.0)), Matrix.Translation(at + MM * (CORNER + Vector((100.0, 0.0, 100.0)))))
+    remove_box(MM * Vector((100.0, 200.0, 100.0)), Matrix.Translation(at + MM * (CORNER + Vector((100.0, 0.0, 100.0)))))
     bpy.context.view_layer.objects.active = stage.volume
     bpy.ops.rle_splat.gray_values_on_cut()
     ours.slices_follow_window, ours.slices_clear_black = False, True

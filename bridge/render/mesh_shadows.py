@@ -88,6 +88,7 @@ def _add(scene, owner):
     title = f"{owner.name[: medium_volumes.LONGEST_NAME]} Shadow"
     # In 5.2 EEVEE shows volumes to the camera that are hidden from it.
     one = medium_volumes.new_object(title, medium_volumes.emitting_material(title, GRID_ENGINES[0]))
+    one.visible_transmission = False  # our picture is seen through glass, and the coarse grid would surround it
     homes = [home for home in owner.users_collection if linked.is_own(home)]
     _attach(one, owner, homes or [scene.collection])
     return one

@@ -149,19 +149,40 @@ def test_the_camera_does_not_see_the_grid(slab, tmp_path):
         assert np.array_equal(*shots)
 
 
+def coat(one, **inputs):
+    """Give a mesh a white Principled material; ``inputs``: of its shader."""
+    material = bpy.data.materials.new("coat")
+    if material.node_tree is None:
+        material.use_nodes = True
+    shader = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
+    for name, value in {"Base Color": (1.0, 1.0, 1.0, 1.0), **inputs}.items():
+        shader.inputs[name.replace("_", " ")].default_value = value
+    one.data.materials.append(material)
+
+
+def test_the_grid_is_not_seen_through_glass(slab, tmp_path):
+    """The slab's picture is, and the grid would be seen once more."""
+    lid = add_mesh([(-30, -30, 30), (30, -30, 30), (30, 30, 30), (-30, 30, 30)], [(0, 1, 2, 3)])
+    coat(lid, Transmission_Weight=1.0, Roughness=0.0)
+    lid.visible_shadow = False
+    shots = []
+    for state in ("OFF", "ON"):
+        force(state)
+        shots.append(rendered(tmp_path / "glass.exr")[12:20, 22:30, :3])
+        assert row_of().on == (state == "ON")
+    off, on = (shot.mean(axis=(0, 1)) for shot in shots)
+    print(f"without the grid {off}, with it {on}")
+    assert off.max() > 0.3
+    assert on == pytest.approx(off, abs=0.05), "noise; with the grid, 0.19"
+
+
 def test_a_mirror_shows_the_lit_color_and_not_a_black_shape(grids_in_cycles, addon, tmp_path):
     """An opaque red cube beside a mirror that leans by 45 degrees, in which the camera above sees it."""
     bpy.context.scene.cycles.volume_step_rate = 0.25  # four steps a voxel
     owner = cube_scene(tmp_path, size=(16, 16), alpha=1.0)
     owner.location = (-20.0, 0.0, 0.0)
     mirror = add_mesh([(0, -3, 0), (6, -3, 6), (6, 9, 6), (0, 9, 0)], [(0, 1, 2, 3)])
-    material = bpy.data.materials.new("mirror")
-    if material.node_tree is None:
-        material.use_nodes = True
-    shader = next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED")
-    shader.inputs["Metallic"].default_value, shader.inputs["Roughness"].default_value = 1.0, 0.0
-    shader.inputs["Base Color"].default_value = (1.0, 1.0, 1.0, 1.0)
-    mirror.data.materials.append(material)
+    coat(mirror, Metallic=1.0, Roughness=0.0)
     add_sun()
     assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
     middle = rendered(tmp_path / "mirror.exr")[6:10, 6:10, :3].mean(axis=(0, 1))
