@@ -204,7 +204,7 @@ def _keyword(call: ast.Call, name: str):
 
 
 def _headed(heading: str, labels: list[str] | None) -> list[str]:
-    """Labels after the heading of their row, which stands for an empty one; "Show: " goes on with the own name."""
+    """Labels after the heading of their row, which stands for an empty one; "Grays: " goes on with the own name."""
     if labels is None:
         return [f"{heading}: "]
     return [f"{heading}: {label}" if label else heading for label in labels if label != heading]

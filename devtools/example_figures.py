@@ -181,7 +181,9 @@ def example_of_the_readme(folder: Path) -> None:
     if not scan.is_file():
         return
     made, names = folder / "readme-python.png", {}
-    with contextlib.chdir(folder):
+    own = folder / "readme"  # its files may have the names of others
+    own.mkdir(exist_ok=True)
+    with contextlib.chdir(own):
         exec(python_of_the_readme().replace("FLAIR.nrrd", scan.resolve().as_posix()), names)
     made.write_bytes(names["figure"]._repr_png_())
     save_jpeg(Image.open(made).convert("RGB"), made.with_suffix(".jpg"), MOST_BYTES)

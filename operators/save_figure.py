@@ -112,7 +112,7 @@ class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
         layout.prop(self, "names")
         layout.prop(self, "use_caption")
         if self.use_caption:
-            layout.prop(self, "caption", text="Text")
+            layout.prop(self, "caption")
         layout.prop(self, "compare")
         if not self.compare:
             layout.prop(self, "title")

@@ -20,7 +20,8 @@ class RLE_SPLAT_OT_show_in_renders(LoadsFirst, bpy.types.Operator):
     bl_idname = "rle_splat.show_in_renders"
     bl_label = "Show in Renders"
     bl_description = (
-        "Include this scene's volumes in every render (F12), with meshes in front of, inside and behind them"
+        "Include this scene's volumes in every render (F12), with meshes in front of, inside and behind them, by nodes "
+        "of the compositor. Turns on Lock Interface"
     )
     bl_options = {"REGISTER", "UNDO"}
 

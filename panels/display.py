@@ -56,9 +56,10 @@ class DisplayPanel:
         row.prop(properties, "opacity_scale", slider=True)
         if not is_encoded and properties.space == PATIENT and modality_of(properties) == "CT" and not properties.labels:
             self.layout.operator("rle_splat.hide_table", icon="USER")
-        column = self.layout.column(heading="Show", align=True)
+        row = self.layout.row()
+        row.use_property_split = False
         for name in ("show_scale_bar", "show_color_bar"):
-            column.prop(context.scene.rle_splat, name)
+            row.prop(context.scene.rle_splat, name)
 
 
 class RLE_SPLAT_PT_display(DisplayPanel, OfVolume, bpy.types.Panel):

@@ -1,4 +1,4 @@
-"""The Render panel: the volume in renders, its quality, messages, the camera view, and pictures and files."""
+"""The Render panel: the volume in renders, its quality, messages, the camera view, lettering, pictures and files."""
 
 import bpy
 from bpy.app.translations import pgettext_iface
@@ -17,9 +17,7 @@ class PicturePanel:
         layout = self.layout
         settings = context.scene.rle_splat
         layout.label(text="In Every Render (F12)")
-        row = _tall(layout)
-        row.operator("rle_splat.show_in_renders", icon="RESTRICT_RENDER_OFF", depress=settings.use_composite)
-        row.operator("rle_splat.remove_from_renders", text="", icon="X")
+        draw_in_renders(_tall(layout), settings.use_composite, text="Show in Renders")
         _draw_composite(context, layout)
         _draw_quality(context, layout)
         column = layout.column()
@@ -39,10 +37,21 @@ class PicturePanel:
         header.label(text="Camera View")
         if body is not None:
             _draw_preview(body, settings)
+        header, body = layout.panel("rle_splat_lettering", default_closed=True)
+        header.label(text="Letters and Names")
+        if body is not None:
+            _draw_lettering(body)
         header, body = layout.panel("rle_splat_export", default_closed=True)
         header.label(text="Pictures and Files")
         if body is not None:
             _draw_files(body)
+
+
+def draw_in_renders(layout, is_on: bool, text: str) -> None:
+    """A button that shows whether renders include the scene's volumes, and changes it."""
+    layout.operator(
+        "rle_splat.remove_from_renders" if is_on else "rle_splat.show_in_renders", text=text, depress=is_on,
+        icon="RESTRICT_RENDER_OFF" if is_on else "RESTRICT_RENDER_ON")  # fmt: skip
 
 
 def _tall(layout):
@@ -63,18 +72,23 @@ def _draw_preview(layout, settings) -> None:
     layout.prop(settings, "backdrop_follows")
 
 
+def _draw_lettering(layout) -> None:
+    """Buttons that add letters, a scale bar and names, as objects, for renders."""
+    column = layout.column(align=True)
+    column.operator("rle_splat.add_letters", icon="FONT_DATA")
+    column.operator("rle_splat.add_names", icon="OUTLINER_OB_FONT")
+    column.operator("rle_splat.name_structure", icon="EYEDROPPER")
+
+
 def _draw_files(layout) -> None:
-    """Buttons that make pictures, a mesh or a file of the volume, and letters and names for renders."""
-    pictures, export, texts = (layout.column(align=True) for _ in range(3))
+    """Buttons that make pictures, a mesh or a file of the volume."""
+    pictures, export = (layout.column(align=True) for _ in range(2))
     row = _tall(pictures)
     row.operator("rle_splat.render_image", icon="IMAGE_DATA")
     row.operator("rle_splat.turntable", icon="RENDER_ANIMATION")
     _tall(pictures).operator("rle_splat.save_figure", icon="DOCUMENTS")
     export.operator("rle_splat.extract_surface", icon="MESH_ICOSPHERE")
     export.operator("rle_splat.bake_volume", icon="VOLUME_DATA")
-    texts.operator("rle_splat.add_letters", icon="FONT_DATA")
-    texts.operator("rle_splat.add_names", icon="OUTLINER_OB_FONT")
-    texts.operator("rle_splat.name_structure", icon="EYEDROPPER")
 
 
 def _draw_quality(context, layout) -> None:
@@ -109,14 +123,16 @@ def _draw_composite(context, layout) -> None:
             paragraph(context, layout, "All volumes are disabled in renders, so renders show none.", icon="INFO")
     else:
         sentence = filled(
-            "{volume} was deleted and is missing in renders. Include another volume, or click Remove from Renders.",
+            "{volume} was deleted and is missing in renders. Include another volume, or turn Show in Renders off.",
             volume=settings.deleted_volume or pgettext_iface("The volume"),
         )
         paragraph(context, layout, sentence, icon="ERROR")
     if not context.scene.render.use_lock_interface:
         paragraph(context, layout, "Without Lock Interface, Blender may crash during a render.", icon="ERROR")
         layout.prop(context.scene.render, "use_lock_interface")
-    layout.prop(settings, "on_failed_frame")
+    row = layout.row()
+    row.use_property_split, row.use_property_decorate = True, False
+    row.prop(settings, "on_failed_frame")
 
 
 class RLE_SPLAT_PT_picture(PicturePanel, Sidebar, bpy.types.Panel):

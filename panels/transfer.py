@@ -66,7 +66,7 @@ def _draw_opacity(layout, properties) -> None:
     column = layout.column(align=True)
     column.label(text=with_unit("Opacity Unit Distance", properties.length_unit), translate=False)
     row = column.row(align=True)
-    row.prop(properties, "use_smallest_spacing", toggle=True)
+    row.prop(properties, "use_smallest_spacing")
     if not properties.use_smallest_spacing:
         row.prop(properties, "opacity_unit_distance", text="")
     layout.prop(properties, "use_gradient_opacity")

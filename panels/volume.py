@@ -13,6 +13,7 @@ from ..rle_splat.segment.label_map import BACKGROUND
 from ..rle_splat.volume.volume import PATIENT
 from . import first_run
 from .live_view import draw_state, draw_switch
+from .picture import draw_in_renders
 from .places import Sidebar, paragraph
 from .volume_menu import icon_of
 
@@ -26,7 +27,7 @@ class RLE_SPLAT_PT_volume(Sidebar, bpy.types.Panel):
     def draw_header_preset(self, context):
         if volumes.volume_object(context) is not None:
             draw_switch(self.layout, context.space_data)
-            _draw_in_renders(self.layout, context.scene.rle_splat.use_composite)
+            draw_in_renders(self.layout, context.scene.rle_splat.use_composite, text="")
 
     def draw(self, context):
         layout = self.layout
@@ -43,13 +44,6 @@ class RLE_SPLAT_PT_volume(Sidebar, bpy.types.Panel):
             paragraph(context, layout, WHICH_VOLUME, icon="INFO")
         else:
             first_run.draw(context, layout)
-
-
-def _draw_in_renders(layout, is_on: bool) -> None:
-    """The camera beside the eye: whether renders include the scene's volumes."""
-    layout.operator(
-        "rle_splat.remove_from_renders" if is_on else "rle_splat.show_in_renders", text="", depress=is_on,
-        icon="RESTRICT_RENDER_OFF" if is_on else "RESTRICT_RENDER_ON")  # fmt: skip
 
 
 def _draw_views(layout, properties) -> None:

@@ -44,7 +44,7 @@ QUALITY_TEXTS = {
     "strict": (
         "Very Fine",
         "The most accurate; 3 to 5 times the time of Standard, but with shadows or ambient occlusion, the first "
-        "picture after a change of light or opacity takes 50 times and more",
+        "picture after a change of light or opacity takes at least 50 times as long",
     ),
 }
 CLASSIFICATION_TEXTS = {
@@ -236,7 +236,7 @@ class SceneSettings(bpy.types.PropertyGroup):
     show_scale_bar: BoolProperty(
         name="Scale Bar", default=False, update=_redraw,
         description="Show a scale bar in 3D viewports. In perspective, it is true at the depth of the volume's "
-        "middle")  # fmt: skip
+        "middle. Renders do not show it: use Add Letters and Scale Bar")  # fmt: skip
     show_color_bar: BoolProperty(
         name="Color Bar", default=False, update=_redraw,
         description="Show the colors of the volume's window with their values in 3D viewports")  # fmt: skip

@@ -102,7 +102,9 @@ class SourceOptions:
         description="Three letters: where voxel x, y and z grow in the patient, such as LPS for "
         "left, posterior (back) and superior (head). Empty uses the file's",
     )
-    flip: BoolVectorProperty(name="Flip", description="Mirror the volume along its voxel axes x, y and z", size=3)
+    flip: BoolVectorProperty(
+        name="Flip", description="Mirror the volume along its voxel axes x, y and z. One or three of them exchange a "
+        "patient's left and right: compare with the original", size=3)  # fmt: skip
     # Without a lower limit, so that a negative spacing gets an error message instead of silently becoming zero.
     spacing: FloatVectorProperty(
         name="Spacing", description="Distance between voxel centers along x, y and z in the volume's unit; 0 uses the "

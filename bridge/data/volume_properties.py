@@ -220,7 +220,7 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         "DICOM's coordinates, which grow toward the left, back and head",
         precision=1, step=100, options=set(), get=_slice_position, set=_move_slice)  # fmt: skip
     slices_follow_window: BoolProperty(
-        name="Same as Volume", default=True, update=_unlink_slices,
+        name="Volume's Window", default=True, update=_unlink_slices,
         description="Let slices use the window and level of the volume's colors instead of their own")  # fmt: skip
     slice_center: LiveFloat(
         name="Level", description="Value that slices and gray values on cuts show as middle gray", default=0.5,
@@ -256,7 +256,7 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         name="Shift", translation_context=OURS, step=1, precision=3, get=_shift_of, set=_shift,
         description=SHIFT)  # fmt: skip
     opacity_scale: LiveFloat(
-        name="Opacity", description="Multiply the opacity of the whole volume", default=1.0, min=0.0, soft_max=2.0
+        name="Opacity", description="Multiply the opacity of the whole volume", default=1.0, min=0.0, soft_max=1.0
     )
     opacity_unit_distance: LiveFloat(
         name="Opacity Unit Distance", description="Thickness of material, in mm for patients, that has the "

@@ -22,7 +22,7 @@ from .compositor_paths import feeding
 
 MARK = "rle_splat"  # custom property of our nodes: "over" or "picture"
 _OVER, _PICTURE, _DEFAULT = "over", "picture", "default"
-_AGAIN = "click Show in Renders again"
+_AGAIN = "turn Show in Renders off and on"
 
 
 @dataclass(frozen=True)
@@ -190,7 +190,7 @@ def problem(scene) -> str | None:
     tree = versions.compositor_tree(scene)
     if not scene.render.use_compositing:
         return ("Compositing is switched off in the output properties, so the volume is not in the render; switch it "
-                "on, or click Remove from Renders.")  # fmt: skip
+                "on, or turn Show in Renders off.")  # fmt: skip
     if tree is None:
         return f"The scene's compositor is switched off, so the volume is not in the render; {_AGAIN}."
     nodes, overs, reaching = _marked(tree, _PICTURE), _marked(tree, _OVER), _reaching(_results(tree))
@@ -206,14 +206,14 @@ def problem(scene) -> str | None:
         for node in [*nodes, *overs]:
             if node.mute:
                 return (f"The compositor's node {_title(node)} is muted, so the volume is not in the render; unmute "
-                        "it, or click Remove from Renders.")  # fmt: skip
+                        "it, or turn Show in Renders off.")  # fmt: skip
         return ("The volume's picture is not linked to the compositor's output, so it is not in the render; link it, "
                 f"or {_AGAIN}.")  # fmt: skip
     for over in overs:
         factor = _factor(over)
         if not factor.is_linked and factor.default_value == 0.0:
             return (f"The factor of the compositor's node {_title(over)} is 0, so the volume is not in the render; "
-                    "raise it, or click Remove from Renders.")  # fmt: skip
+                    "raise it, or turn Show in Renders off.")  # fmt: skip
     for socket in _results(tree):
         if _layers_behind([socket], scene, end=_is_over):
             return f"The compositor's node {_title(socket.node)} shows the render without the volume; {_AGAIN}."

@@ -198,8 +198,8 @@ def _why_empty(settings, depsgraph) -> str:
     if owner is None or presence.is_deleted(owner):
         name = settings.deleted_volume if owner is None else owner.name
         raise RleSplatError(
-            f"{messages.the_volume(name)} was deleted and renders show no other one; import one, or click Remove from "
-            "Renders."
+            f"{messages.the_volume(name)} was deleted and renders show no other one; import one, or turn Show in "
+            "Renders off."
         )
     return placements.why_hidden(placements.Placement(owner), depsgraph) or "it is no volume"
 

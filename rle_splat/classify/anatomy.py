@@ -16,7 +16,7 @@ _ROWS = (
     ("cysts?", (205, 205, 100), 1.0),
     ("metastas[ie]s|neoplasms? secondary|secondary (neoplasms?|tumou?rs?)", (255, 60, 200), 1.0),
     ("neoplasms?|tumou?rs?|lesions?|mass|nodules?", (144, 238, 144), 1.0),
-    ("false lumen", (0, 151, 206), 1.0),
+    ("false lumen", (140, 70, 170), 1.0),
     ("implants?|stents?|electrodes?|needles?|screws?", (220, 245, 20), 1.0),
     ("left atri(um|al)|atrium left|atrial appendage", (203, 108, 81), 1.0),
     ("right atri(um|al)|atrium right", (210, 115, 89), 1.0),

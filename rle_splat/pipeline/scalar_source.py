@@ -253,7 +253,15 @@ class ScalarSource(Source):
         if cells is not None:
             by_labels = self._labels.reach(volume)
         tables = PlannedTables(
-            0, work.axes, lit, shadows, labeled, thinned, len(channels), cells is not None, self.quality.exact_light
+            0,
+            work.axes,
+            lit,
+            shadows,
+            labeled,
+            thinned,
+            len(channels),
+            cells is not None,
+            bool(self.quality.exact_light),
         )
 
         def estimate_for(found: VoxelCount) -> MemoryEstimate:

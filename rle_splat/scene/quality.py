@@ -180,7 +180,8 @@ class Quality:
     """Settings that trade time for accuracy. Most programs need ``Quality.preset`` alone.
 
     The command line has options of the same names. ``depth_rule``, ``sheet_density``, ``warp_filter``, ``termination``
-    and ``rays`` that are None take their value from the preset "standard".
+    ``rays`` and ``exact_light`` that are None take their value from the preset ``name``, or, where there is none of
+    this name, from "standard".
 
     Single rays are limited to the 64 steepest pixels of each 16 x 16 pixels of the frame, so that a noisy picture,
     which is steep everywhere, does not trace a ray for every pixel. Frames of fewer than 512 x 512 pixels have a
@@ -225,8 +226,8 @@ class Quality:
     threads : int
         Number of threads; 0 for one per core.
     name : str
-        Name of the preset, for reports.
-    exact_light : bool
+        Name of the preset, or another one for reports.
+    exact_light : bool or None
         Whether what arrives of lamps and of ambient light is traced by rays beside each voxel, not read from a grid:
         slower and exact. The preset "strict" has it, and plans for a tolerance. Only "post".
     held : bool
@@ -252,7 +253,7 @@ class Quality:
     record: Record = 16
     threads: int = 0
     name: str = DEFAULT_QUALITY
-    exact_light: bool = False
+    exact_light: bool | None = None
     held: bool = False
 
     def __post_init__(self):
@@ -261,7 +262,9 @@ class Quality:
             warnings.warn(sentence, FutureWarning, stacklevel=3)
             for knob, value in knobs.items():
                 object.__setattr__(self, knob, value)
-        for knob, value in preset_knobs(DEFAULT_QUALITY, self.classification).items():
+        preset = self.name if self.name in QUALITY_PRESETS else DEFAULT_QUALITY
+        usual = preset_knobs(preset, self.classification) | {"exact_light": traces_light(preset, self.classification)}
+        for knob, value in usual.items():
             if getattr(self, knob) is None:
                 object.__setattr__(self, knob, value)
         for value, allowed, what in (

@@ -12,7 +12,6 @@ import os
 import sys
 import tempfile
 import traceback
-from importlib import import_module
 from pathlib import Path
 
 os.environ.setdefault("BLENDER_USER_RESOURCES", tempfile.mkdtemp(prefix="rle_splat_user_"))
@@ -23,6 +22,7 @@ import numpy as np
 
 from tests.blender import conftest, scenes
 from tests.blender.conftest import MODULE
+from tests.blender.scenes import module
 
 ROUNDS, EVERY, WARM = 200, 10, 40  # rounds; between two lines of the table; until caches are full
 MOST = 1.1  # times the memory of the warm session
@@ -40,8 +40,8 @@ def resident() -> float:
 
 def held() -> float:
     """MiB that the extension holds: voxels, and results of stages."""
-    stages = import_module(f"{MODULE}.bridge.scene.render_scene").KEPT
-    return (import_module(f"{MODULE}.bridge.loop.store").nbytes() + stages.nbytes) / DIGITS
+    stages = module("bridge.scene.render_scene").KEPT
+    return (module("bridge.loop.store").nbytes() + stages.nbytes) / DIGITS
 
 
 def new_file() -> None:
@@ -111,7 +111,7 @@ def main(rounds: int) -> int:
     found = []
     new_file()
     for number in range(rounds):
-        with import_module(f"{MODULE}.rle_splat.runtime.jit").use_reference():
+        with module("rle_splat.runtime.jit").use_reference():
             go_round(number, folder)
         found.append(resident())
         if number % EVERY == EVERY - 1:

@@ -15,7 +15,6 @@ import tempfile
 import time
 from array import array
 from collections import Counter
-from importlib import import_module
 from pathlib import Path
 
 import bpy
@@ -23,9 +22,9 @@ import gpu
 import numpy as np
 
 from tests.blender import scenes
+from tests.blender.scenes import module
 from tests.blender.user_steps import drag, middle, press, settled
 from tests.blender.window_driver import (
-    MODULE,
     area_of,
     drive,
     in_the_view,
@@ -58,7 +57,7 @@ _doing = [""]  # what the user does
 
 def watch_redraws():
     """Note what each redraw of a viewport takes in our two draw handlers, in processor time of its thread."""
-    live = import_module(f"{MODULE}.bridge.live")
+    live = module("bridge.live")
 
     def timed(function, name):
         def call(*arguments, **named):
@@ -87,8 +86,8 @@ def watch_redraws():
                 print(f"slow: {1e3 * _redraws[-1]:.0f} ms and the driver {1e3 * driver:.0f}, {_doing[0]}: {listed}; "
                       f"{list_longest()}", flush=True)  # fmt: skip
 
-    for module, name, called in PARTS:
-        place = import_module(f"{MODULE}.bridge.live.{module}")
+    for part, name, called in PARTS:
+        place = module(f"bridge.live.{part}")
         *owner, name = name.split(".")
         place = getattr(place, owner[0]) if owner else place
         setattr(place, name, timed(getattr(place, name), called))
@@ -104,7 +103,7 @@ def list_longest() -> str:
 
 def watch_steps():
     """Note what each call of the one timer takes, whom it calls, and which of its parts took longest."""
-    timer = import_module(f"{MODULE}.bridge.loop.timer")
+    timer = module("bridge.loop.timer")
     tick, shares = timer._tick, {}
 
     def note(name, seconds):
@@ -167,13 +166,13 @@ def watch_steps():
             shares["garbage"] = shares.get("garbage", 0.0) + time.thread_time() - began[0]
 
     gc.callbacks.append(note_garbage)
-    for module, name in (("live.viewport", "picture_steps"), ("loop.work.loading", "load_steps")):
-        place = import_module(f"{MODULE}.bridge.{module.removesuffix('.loading')}")
-        place = getattr(place, "loading", place) if module.endswith("loading") else place
+    for part, name in (("live.viewport", "picture_steps"), ("loop.work.loading", "load_steps")):
+        place = module(f"bridge.{part.removesuffix('.loading')}")
+        place = getattr(place, "loading", place) if part.endswith("loading") else place
         setattr(place, name, timed_steps(getattr(place, name)))
-    cache = import_module(f"{MODULE}.rle_splat.runtime.kernel_cache").KernelCache
+    cache = module("rle_splat.runtime.kernel_cache").KernelCache
     cache.load_overload = summed(cache.load_overload, "loading kernels")
-    live = import_module(f"{MODULE}.bridge.live")
+    live = module("bridge.live")
     live._find_mesh_before = summed(live._find_mesh_before, "mesh before")
     timer.stop_all()
     timer._tick = timed_tick
@@ -205,8 +204,8 @@ def time_driver():
 
 def memory() -> tuple:
     """MiB: resident at most so far, and held by the extension's store and stages."""
-    held = import_module(f"{MODULE}.bridge.scene.render_scene").KEPT.nbytes
-    held += import_module(f"{MODULE}.bridge.loop.store").nbytes()
+    held = module("bridge.scene.render_scene").KEPT.nbytes
+    held += module("bridge.loop.store").nbytes()
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0, held / 2.0**20
 
 
@@ -322,7 +321,7 @@ def save_elsewhere(number: int):
     with in_the_view():
         bpy.ops.ed.undo()
     yield from settled()
-    assert import_module(f"{MODULE}.bridge.live").problem_of(area_of("VIEW_3D")) == ""
+    assert module("bridge.live").problem_of(area_of("VIEW_3D")) == ""
     bpy.ops.wm.open_mainfile(filepath=str(folder / "tour.blend"))
     yield
     area_of("VIEW_3D").tag_redraw()

@@ -4,13 +4,11 @@ window.
 ``STATES``: name -> function of a folder for files.  Pictures are small.
 """
 
-from importlib import import_module
-
 import bpy
 import numpy as np
 
 from tests.blender import scenes
-from tests.blender.real_blender import MODULE
+from tests.blender.scenes import module
 
 SIDE = 8  # voxels
 LONG_NAME = "sub-01_ses-preop_acq-mprage_run-02_T1w"  # as scans have them, and too long for its row
@@ -165,8 +163,8 @@ def slices_of_a_deleted_volume(folder):
 def encoded(folder):
     """A volume whose voxels are encoded: nothing of its look can be edited."""
     add_volume(folder)
-    core = {name: import_module(f"{MODULE}.rle_splat.{name}") for name in ("encode.store", "pipeline.encode_scene")}
-    plain, quality = import_module(f"{MODULE}.bridge.scene.render_scene").read_scene(
+    core = {name: module(f"rle_splat.{name}") for name in ("encode.store", "pipeline.encode_scene")}
+    plain, quality = module("bridge.scene.render_scene").read_scene(
         bpy.context.object, bpy.context.evaluated_depsgraph_get(), with_meshes=False
     )
     stored = core["pipeline.encode_scene"].encode(plain, quality.classified("pre"))

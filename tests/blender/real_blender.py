@@ -9,11 +9,12 @@ import json
 import math
 import os
 import tempfile
-from importlib import import_module
 from pathlib import Path
 
 import bpy
 import numpy as np
+
+from tests.blender.scenes import module
 
 MODULE = "bl_ext.user_default.rle_splat"
 N = 9  # voxels a side of a uniform cube at unit spacing
@@ -47,8 +48,8 @@ def import_cube(folder: Path):
     done = bpy.ops.rle_splat.import_volume(filepath=str(path), shape=(N, N, N), dtype="uint8", spacing=(1, 1, 1))
     assert done == {"FINISHED"}
     volume = bpy.context.view_layer.objects.active
-    functions = import_module(f"{MODULE}.rle_splat.classify.transfer_function")
-    import_module(f"{MODULE}.bridge.look.transfer").write_transfer(volume, functions.TransferFunction(
+    functions = module("rle_splat.classify.transfer_function")
+    module("bridge.look.transfer").write_transfer(volume, functions.TransferFunction(
         name="test", unit=None, opacity=((0.0, 0.0), (50.0, ALPHA), (255.0, ALPHA)),
         color=((0.0, *COLOR), (255.0, *COLOR)), opacity_unit_distance=1.0, shade=None))  # fmt: skip
     return volume
@@ -169,7 +170,7 @@ def main() -> None:
         for check in (check_composite, check_reload):
             check(folder)
             passed += 1
-    backend = import_module(f"{MODULE}.rle_splat.runtime.jit")
+    backend = module("rle_splat.runtime.jit")
     kernels = "numba" if backend.compiled() else f"numpy ({backend.NUMBA_PROBLEM})"
     print(f"{passed} passed, 0 failed, 0 skipped")
     print(f"REAL BLENDER PASSED {bpy.app.version_string} with {kernels}", flush=True)

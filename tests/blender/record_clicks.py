@@ -10,12 +10,11 @@ browser, whose folders are set by this script, choosing a file and pressing its 
 
 import os
 import time
-from importlib import import_module
 from pathlib import Path
 
 import bpy
 
-from tests.blender.real_blender import MODULE
+from tests.blender.scenes import module
 from tests.blender.user_steps import choose_import, confirm_browser, press_button, settled
 from tests.blender.window_driver import (
     SHOTS,
@@ -52,7 +51,7 @@ class Count:
 
 
 def is_idle() -> bool:
-    return not import_module(f"{MODULE}.bridge.loop.jobs").StepwiseOperator.is_running()
+    return not module("bridge.loop.jobs").StepwiseOperator.is_running()
 
 
 def volumes() -> list:

@@ -10,7 +10,6 @@ how-to-preferences.jpg is a part of preferences.png of window_panels.py, without
 
 import shutil
 import tempfile
-from importlib import import_module
 from pathlib import Path
 
 import bpy
@@ -33,7 +32,7 @@ from tests.blender.guide_steps import (
     line,
     look_from,
 )
-from tests.blender.real_blender import MODULE
+from tests.blender.scenes import module
 from tests.blender.user_steps import middle, press, scroll_sidebar, settled, simulate
 from tests.blender.window_driver import (
     area_of,
@@ -295,7 +294,7 @@ def live():
     view = area_of("VIEW_3D").spaces.active
     view.lens, view.overlay.show_overlays = 85.0, False  # without the box
     look_from(66.0, 135.0, 0.62)
-    corners = import_module(f"{MODULE}.bridge.volumes.box").world_corners(volume)
+    corners = module("bridge.volumes.box").world_corners(volume)
     middle_of, half = Vector(corners.mean(axis=0)), Vector(np.ptp(corners, axis=0)) / 2
     with in_the_view():
         activate(volume)

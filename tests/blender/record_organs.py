@@ -9,7 +9,6 @@ writes organs-*.jpg and how-to-isolate.jpg into build/window-shots/record_organs
 import os
 import shutil
 import subprocess
-from importlib import import_module
 from math import radians
 from pathlib import Path
 
@@ -17,7 +16,7 @@ import bpy
 from mathutils import Vector
 
 from tests.blender.guide_steps import AORTA, DATA, SCANS, activate, begin, beside, keep, lamp, look_from, masks
-from tests.blender.real_blender import MODULE
+from tests.blender.scenes import module
 from tests.blender.user_steps import middle, press, settled
 from tests.blender.window_driver import (
     SHOTS,
@@ -48,7 +47,7 @@ def label(volume, text: str, place) -> None:
     scene = bpy.context.scene
     origin, plane = scene.camera.matrix_world.translation, scene.camera.data.view_frame(scene=scene)[0].z
     toward = (scene.camera.matrix_world @ Vector((*place, plane)) - origin).normalized()
-    probe = import_module(f"{MODULE}.bridge.look.probe")
+    probe = module("bridge.look.probe")
     ray = probe.Ray(tuple(origin), tuple(toward))
     found = probe.look_along(bpy.context, bpy.context.evaluated_depsgraph_get(), ray, [volume])
     assert bpy.ops.rle_splat.add_name(text=text, point=found.surface.world) == {"FINISHED"}

@@ -21,7 +21,7 @@ from mathutils import Euler, Vector
 
 from tests.blender import scenes
 from tests.blender.formats import write_dose
-from tests.blender.real_blender import MODULE
+from tests.blender.scenes import module
 from tests.blender.user_steps import (
     choose,
     choose_import,
@@ -65,10 +65,6 @@ BRAIN, AIR = np.array((0.45, 0.35, 0.0)), np.array((0.03, 0.03, 0.0))  # shares 
 BRAIN_GRAYS = (89.25, 121.1, 25.5)  # of white and gray matter and water from 0 to 80 HU
 BELOW = 90  # pixels at the foot of the viewport, where Blender shows the last operator
 MODES = ("mip", "minip", "average", "xray")
-
-
-def module(name):
-    return import_module(f"{MODULE}.{name}")
 
 
 def space():

@@ -22,7 +22,7 @@ from bpy_extras.view3d_utils import location_3d_to_region_2d
 from mathutils import Euler, Vector
 
 from tests.blender.guide_steps import arrow
-from tests.blender.real_blender import MODULE
+from tests.blender.scenes import module
 from tests.blender.user_steps import find_button, middle, press, scroll_sidebar, settled, simulate
 from tests.blender.window_driver import (
     SHOTS,
@@ -108,7 +108,7 @@ def pixel_of(place) -> np.ndarray:
 
 
 def corners_of(one) -> tuple[Vector, Vector]:
-    corners = import_module(f"{MODULE}.bridge.volumes.box").world_corners(one)
+    corners = module("bridge.volumes.box").world_corners(one)
     return Vector(corners.min(axis=0)), Vector(corners.max(axis=0))
 
 

@@ -12,7 +12,6 @@ import shutil
 import subprocess
 import tempfile
 from functools import partial
-from importlib import import_module
 from pathlib import Path
 
 import bpy
@@ -20,7 +19,7 @@ import numpy as np
 
 from tests.blender import scenes
 from tests.blender.guide_steps import DATA, HEART, SCANS, activate, begin, masks
-from tests.blender.real_blender import MODULE
+from tests.blender.scenes import module
 from tests.blender.user_steps import drag, press, settled
 from tests.blender.window_driver import (
     SHOTS,
@@ -47,7 +46,7 @@ COLORS, QUALITY = 128, 50  # of a PNG and of a JPEG
 def record(name: str):
     """A picture of one panel, open and alone in a tab of its own, with the panels in it closed."""
     made = []
-    for one in import_module(f"{MODULE}.panels").CLASSES:
+    for one in module("panels").CLASSES:
         if one.__name__ == f"RLE_SPLAT_PT_{name}":
             made.append(alone(one, bl_options=set(), bl_parent_id=""))
         elif getattr(one, "bl_parent_id", "") == f"RLE_SPLAT_PT_{name}":

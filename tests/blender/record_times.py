@@ -13,7 +13,6 @@ import sys
 import tempfile
 import time
 from collections import Counter, defaultdict
-from importlib import import_module
 from math import radians
 from pathlib import Path
 
@@ -21,7 +20,7 @@ import bpy
 import numpy as np
 from mathutils import Euler
 
-from tests.blender.real_blender import MODULE
+from tests.blender.scenes import module
 from tests.blender.user_steps import settled, viewport
 from tests.blender.window_driver import area_of, drive, in_the_view, new_file, passed, photograph, window
 
@@ -42,7 +41,7 @@ PARTS = {
 
 
 def live(name=""):
-    return import_module(f"{MODULE}.bridge.live{'.' if name else ''}{name}")
+    return module(f"bridge.live{'.' if name else ''}{name}")
 
 
 class Meter:
@@ -77,8 +76,8 @@ class Meter:
 
     def watch(self):
         """Put clocks around all parts, and one around the two handlers."""
-        for name, (module, owner, function) in PARTS.items():
-            place = getattr(live(module), owner) if owner else live(module)
+        for name, (part, owner, function) in PARTS.items():
+            place = getattr(live(part), owner) if owner else live(part)
             setattr(place, function, self.timing(name, getattr(place, function)))
         live("frames").fitting_steps = self.steps(live("frames").fitting_steps)
         ours = live()
@@ -205,7 +204,7 @@ def rest():
         bpy.context.view_layer.objects.active = next(one for one in bpy.data.objects if one.rle_splat.is_volume)
         assert bpy.ops.rle_splat.preview_in_camera_view(follow=True) == {"FINISHED"}
     yield from settled()
-    timer = import_module(f"{MODULE}.bridge.loop.timer")
+    timer = module("bridge.loop.timer")
     while bpy.app.timers.is_registered(timer._tick):
         yield
     found, end = Counter(), time.perf_counter() + 1.0

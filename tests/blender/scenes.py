@@ -12,6 +12,11 @@ import numpy as np
 MODULE = "bl_ext.user_default.rle_splat"
 
 
+def module(name: str):
+    """A module of the installed add-on, such as "bridge.live"."""
+    return import_module(f"{MODULE}.{name}")
+
+
 def skip_without_graphics():
     """Skip a test where Blender would abort because it cannot draw without a window."""
     import pytest  # scripts that run without pytest import this module, too
@@ -46,10 +51,10 @@ def ball(side=11, slope=40.0):
 
 def give_transfer(volume_object, opacity, color):
     """Unshaded constant-color transfer function, opacities per world unit."""
-    function = import_module(f"{MODULE}.rle_splat.classify.transfer_function").TransferFunction(
+    function = module("rle_splat.classify.transfer_function").TransferFunction(
         name="test", unit=None, opacity=tuple(opacity), color=((0.0, *color), (255.0, *color)),
         opacity_unit_distance=1.0, shade=None)  # fmt: skip
-    import_module(f"{MODULE}.bridge.look.transfer").write_transfer(volume_object, function)
+    module("bridge.look.transfer").write_transfer(volume_object, function)
 
 
 def even_cube(folder, side, alpha, color, name="cube"):
@@ -281,7 +286,7 @@ def picture(scene=None, **options):
 def read_scene(volume_object, with_meshes=False):
     """The renderer's scene and quality, as a picture of the volume object has them."""
     depsgraph = bpy.context.evaluated_depsgraph_get()
-    reader = import_module(f"{MODULE}.bridge.scene.render_scene")
+    reader = module("bridge.scene.render_scene")
     return reader.read_scene(volume_object, depsgraph, with_meshes=with_meshes)
 
 

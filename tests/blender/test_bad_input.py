@@ -137,7 +137,7 @@ def test_a_deleted_picture_is_told(volume, tmp_path):
     bpy.ops.rle_splat.show_in_renders()
     bpy.data.images.remove(bpy.context.scene.rle_splat.composite_image)
     scenes.rendered(tmp_path / "gone.exr")
-    assert "click Show in Renders again" in bpy.context.scene.rle_splat.message
+    assert "turn Show in Renders off and on" in bpy.context.scene.rle_splat.message
 
 
 def test_nodes_deleted_by_hand_are_told(volume, bridge, tmp_path):

@@ -288,7 +288,7 @@ def test_an_output_that_lacks_the_volume_is_said(volume, bridge, tmp_path):
     tree.links.new(exposure.outputs[0], add_file_output(tree, tmp_path))
     scenes.rendered(tmp_path / "out.exr")
     assert bpy.context.scene.rle_splat.render_problem == (
-        "The compositor's node 'File Output' shows the render without the volume; click Show in Renders again."
+        "The compositor's node 'File Output' shows the render without the volume; turn Show in Renders off and on."
     )
     bpy.ops.rle_splat.show_in_renders()
     scenes.rendered(tmp_path / "out.exr")

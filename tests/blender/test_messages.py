@@ -260,8 +260,8 @@ def remove_nodes(tree, over, picture):
 
 
 ABSENT = "so the volume is not in the render"
-AGAIN = "click Show in Renders again."
-REMOVE = "or click Remove from Renders."
+AGAIN = "turn Show in Renders off and on."
+REMOVE = "or turn Show in Renders off."
 UNLINKED = (
     f"The volume's picture is not linked to the compositor's output, so it is not in the render; link it, or {AGAIN}"
 )
@@ -378,7 +378,7 @@ def test_B22_a_volume_deleted_by_the_user_or_from_python(volume, tmp_path, remov
     remove(volume)
     assert is_placeholder(scenes.rendered(tmp_path / "out.exr"))
     assert settings.message == (
-        "The volume 'cube' was deleted and renders show no other one; import one, or click Remove from Renders."
+        "The volume 'cube' was deleted and renders show no other one; import one, or turn Show in Renders off."
     )
 
 

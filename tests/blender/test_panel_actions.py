@@ -1,7 +1,6 @@
 """What the panels' own buttons and settings do: volumes chosen, modes with their look, segments, cuts, scans edited."""
 
 import os
-from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -11,6 +10,7 @@ import pytest
 
 from tests.blender import layout_recorder, scenes
 from tests.blender.real_blender import MODULE
+from tests.blender.scenes import module
 
 pytestmark = pytest.mark.usefixtures("by_numpy")
 
@@ -42,7 +42,7 @@ def test_an_object_that_is_not_there_cannot_be_chosen(owner, refused):
 
 def state_line(is_on, monkeypatch, viewports=()):
     """What the top of the tab says of a viewport that shows volumes or not."""
-    live_view = import_module(f"{MODULE}.panels.live_view")
+    live_view = module("panels.live_view")
     monkeypatch.setattr(live_view.live, "viewports_of", lambda area: viewports)
     log = []
     context = SimpleNamespace(
@@ -281,7 +281,7 @@ def test_an_import_opens_or_closes_the_eyes_of_the_windows_viewports(volume_obje
     (space,) = (area.spaces.active for area in window.screen.areas if area.type == "VIEW_3D")
     preferences.show_imported = is_wanted
     importer = SimpleNamespace(was_in_window=True)
-    show = import_module(f"{MODULE}.operators.import_volume").ImportsVolumes._show
+    show = module("operators.import_volume").ImportsVolumes._show
     context = SimpleNamespace(window=window, scene=bpy.context.scene)
     space.show_object_viewport_volume = not is_wanted
     show(importer, context, 1)
@@ -299,8 +299,8 @@ def test_the_cache_of_kernels_is_measured_and_cleared(bridge, monkeypatch, tmp_p
         (folder / ("a.npz" if folder == shown else "a.nbc")).write_bytes(b"x" * 100)
     (tmp_path / "other.log").write_bytes(b"y")
     monkeypatch.setattr(cache, "KERNELS", used)
-    for module in (cache, thumbnails):
-        monkeypatch.setattr(module, "cache_folder", lambda: tmp_path)
+    for place in (cache, thumbnails):
+        monkeypatch.setattr(place, "cache_folder", lambda: tmp_path)
     monkeypatch.setattr(cache._FolderSize, "at", -cache.FRESH)
     assert cache.kernels_size() == 301
     assert bpy.ops.rle_splat.clear_cache() == {"FINISHED"}
@@ -392,7 +392,7 @@ def test_a_color_bar_has_the_colors_of_the_window(owner, bridge):
 
 def test_the_tab_is_shown_once(addon, bridge, monkeypatch):
     preferences, calls = bridge("data.preferences"), []
-    show_tab = import_module(f"{MODULE}.operators.show_tab")
+    show_tab = module("operators.show_tab")
     monkeypatch.setattr(show_tab.viewports, "open_tab", calls.append)
     assert not preferences.current().has_shown_tab
     for _ in range(2):

@@ -7,7 +7,6 @@ touches no file; window_panels.py draws them for real.
 import builtins
 import inspect
 import sys
-from importlib import import_module
 from itertools import pairwise
 from types import SimpleNamespace
 
@@ -20,6 +19,7 @@ from tests.blender import layout_recorder, scenes
 from tests.blender.broken_panels import BROKEN, broken_panel
 from tests.blender.panel_states import SENTENCE, STATES
 from tests.blender.real_blender import MODULE
+from tests.blender.scenes import module
 
 pytestmark = pytest.mark.usefixtures("by_numpy")
 
@@ -134,7 +134,7 @@ def test_effects_have_titles(volume_object, monkeypatch):
 @pytest.mark.parametrize("icon", ["NONE", "ERROR"])
 def test_paragraphs_fill_their_panel_and_fit_it(width, icon, addon):
     """Measured in the interface's font, in a region as wide as the sidebar, or as Properties."""
-    places = import_module(f"{MODULE}.panels.places")
+    places = module("panels.places")
     context = SimpleNamespace(
         preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=1.0)), region=SimpleNamespace(width=width)
     )
@@ -149,7 +149,7 @@ def test_paragraphs_fill_their_panel_and_fit_it(width, icon, addon):
 
 def test_plans_are_not_cut_off(volume_object):
     """In the sidebar as wide as it is at first, where a list is 235 pixels wide."""
-    share = import_module(f"{MODULE}.panels.accuracy").NAME_SHARE
+    share = module("panels.accuracy").NAME_SHARE
     blf.size(0, 11.0)
     assert blf.dimensions(0, "midpoint-2 2.0")[0] <= share * 235 - 28  # beside the icon
     assert blf.dimensions(0, "RMSE")[0] <= (1.0 - share) * 235 / 3 - 8

@@ -1,6 +1,5 @@
 """Turntable: the camera turns about the volume and sees all of it, files are written, and no setting is lost."""
 
-from importlib import import_module
 from math import radians
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,7 +11,7 @@ from bpy_extras.object_utils import world_to_camera_view
 from mathutils import Matrix
 
 from tests.blender import scenes
-from tests.blender.real_blender import MODULE
+from tests.blender.scenes import module
 
 pytestmark = pytest.mark.usefixtures("by_numpy")
 
@@ -210,7 +209,7 @@ def test_a_size_that_no_movie_has_is_said_in_the_dialog_which_proposes_pictures(
     scene = bpy.context.scene
     scene.render.resolution_x, scene.render.resolution_y, scene.render.resolution_percentage = 643, 361, 100
     assert "643 x 361" in bridge("render.output_settings").why_no_movie(scene.render)
-    operator = import_module(f"{MODULE}.operators.turntable")
+    operator = module("operators.turntable")
     given = SimpleNamespace(is_property_set=lambda name: name == "background")
     chosen = SimpleNamespace(output="MP4", filepath="turn.mp4", properties=given)
     manager = SimpleNamespace(fileselect_add=lambda _operator: None)
@@ -225,7 +224,7 @@ def test_a_size_that_no_movie_has_is_said_in_the_dialog_which_proposes_pictures(
 
 @pytest.mark.parametrize("end", ["rendered", "canceled", "refused"])
 def test_a_render_leaves_no_camera_however_it_ends(end, cube, tmp_path, monkeypatch):
-    operator = import_module(f"{MODULE}.operators.turntable")
+    operator = module("operators.turntable")
     scene, before = bpy.context.scene, set(bpy.data.objects)
     cameras, camera = len(bpy.data.cameras), scene.camera
     if end in ("rendered", "canceled"):
@@ -267,16 +266,16 @@ def test_the_turn_follows_a_tilted_volume_without_patient_axes(cube):
 
 def test_the_report_is_of_the_scene_that_was_rendered(cube, bridge):
     """The window may show another scene when a render ends, and the scene may be gone."""
-    module = import_module(f"{MODULE}.operators.turntable")
+    operator = module("operators.turntable")
     scene, said = bpy.context.scene, []
     scene.rle_splat.failed_frames, scene.rle_splat.render_problem = "2", "The file is gone."
     ended = SimpleNamespace(
         _scene=bridge("held").Held(scene), _written="turn.mp4", report=lambda kinds, text: said.append((*kinds, text))
     )
     bpy.context.window.scene = bpy.data.scenes.new("Another")
-    module.RLE_SPLAT_OT_turntable._say(ended)
+    operator.RLE_SPLAT_OT_turntable._say(ended)
     bpy.data.scenes.remove(scene)
-    module.RLE_SPLAT_OT_turntable._say(ended)
+    operator.RLE_SPLAT_OT_turntable._say(ended)
     assert said == [("WARNING", "The file is gone."), ("INFO", "The animation is at turn.mp4.")]
 
 

@@ -1,10 +1,8 @@
 """What a user does in a window, for scenarios of window_driver.py: waits for the viewport, drags, presses keys."""
 
-from importlib import import_module
-
 import bpy
 
-from tests.blender.real_blender import MODULE
+from tests.blender.scenes import module
 from tests.blender.window_driver import area_of, drawn, is_at_rest, region_of, until, window
 
 OUR_IMPORTS = 2  # the last entries of File > Import: files, a DICOM folder
@@ -15,7 +13,7 @@ FROM_EDGE = 45, 75, 105  # pixels from the right edge of the sidebar, where the 
 
 
 def live():
-    return import_module(f"{MODULE}.bridge.live")
+    return module("bridge.live")
 
 
 def viewport():

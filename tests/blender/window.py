@@ -5,7 +5,6 @@ F12 renders off the main thread there, long work runs from a timer, and Esc stop
 
 import tempfile
 import threading
-from importlib import import_module
 from math import radians
 from pathlib import Path
 
@@ -14,7 +13,6 @@ import numpy as np
 from mathutils import Euler
 
 from tests.blender.real_blender import (
-    MODULE,
     SIZE,
     TOLERANCE,
     N,
@@ -26,6 +24,7 @@ from tests.blender.real_blender import (
     set_up_scene,
     write_exr,
 )
+from tests.blender.scenes import module
 from tests.blender.window_driver import area_of, drive, in_the_view, passed, until, window
 
 LARGE = 4096  # pixels a side of a picture that takes longer than a step
@@ -35,7 +34,7 @@ completed: list[bool] = []
 
 
 def watch_renders() -> None:
-    handlers = import_module(f"{MODULE}.bridge.render.over_render")
+    handlers = module("bridge.render.over_render")
     splat = handlers.splat_over_render
 
     def watched(*arguments):
@@ -121,7 +120,7 @@ def check_blurred_f12():
 def check_render_image():
     """The picture made little by little is the one made at once."""
     settings = bpy.context.scene.rle_splat
-    jobs = import_module(f"{MODULE}.bridge.loop.jobs").StepwiseOperator
+    jobs = module("bridge.loop.jobs").StepwiseOperator
     with in_the_view():
         assert bpy.ops.rle_splat.render_image() == {"FINISHED"}
         at_once = pixels_of(settings.image).copy()
@@ -137,7 +136,7 @@ def check_escape():
     before = pixels_of(scene.rle_splat.image).copy()
     scene.render.resolution_x = scene.render.resolution_y = LARGE
     scene.rle_splat.quality = "strict"
-    operators = import_module(f"{MODULE}.bridge.loop.jobs").StepwiseOperator
+    operators = module("bridge.loop.jobs").StepwiseOperator
     with in_the_view():
         assert bpy.ops.rle_splat.render_image("INVOKE_DEFAULT") == {"RUNNING_MODAL"}
     assert operators._running
@@ -155,7 +154,7 @@ def check_letters():
     nibabel.save(nibabel.Nifti1Image(np.arange(60, dtype=np.uint8).reshape(3, 4, 5), np.eye(4)), path)
     with in_the_view():
         assert bpy.ops.rle_splat.import_volume("EXEC_DEFAULT", filepath=str(path)) == {"FINISHED"}
-    letters = import_module(f"{MODULE}.bridge.live.letters")
+    letters = module("bridge.live.letters")
     drawn, draw = [], letters.blf.draw
     letters.blf.draw = lambda font, letter: drawn.append(letter)
     view = area_of("VIEW_3D").spaces.active.region_3d
@@ -174,8 +173,8 @@ def check_letters():
 def check_drafts():
     """A picture that takes long shows a draft first, in its own image, and then is the one made at once."""
     scene = bpy.context.scene
-    jobs = import_module(f"{MODULE}.bridge.loop.jobs").StepwiseOperator
-    import_module(f"{MODULE}.bridge.pictures.drafts").QUICK = -1.0
+    jobs = module("bridge.loop.jobs").StepwiseOperator
+    module("bridge.pictures.drafts").QUICK = -1.0
     scene.render.resolution_x = scene.render.resolution_y = SIZE
     scene.rle_splat.quality = "standard"
     with in_the_view():
@@ -202,7 +201,7 @@ def check_following():
     It needs no timer after that.
     """
     scene = bpy.context.scene
-    work = import_module(f"{MODULE}.bridge.loop.work")
+    work = module("bridge.loop.work")
     volume = next(other for other in bpy.data.objects if other.rle_splat.is_volume)
     scene.frame_start, scene.frame_end = 1, 50
     for frame, x in ((1, 0.0), (50, 4.0)):
@@ -223,7 +222,7 @@ def check_following():
     assert np.abs(refined - draft).max() > TOLERANCE
     scene.frame_set(scene.frame_current)
     np.testing.assert_array_equal(pixels_of(image), refined)
-    timer = import_module(f"{MODULE}.bridge.loop.timer")
+    timer = module("bridge.loop.timer")
     yield from until(lambda: not bpy.app.timers.is_registered(timer._tick))
 
 
@@ -251,7 +250,7 @@ def check_B83_remove_backdrop_redraws():
 
 def check_B84_measure_accuracy_redraws():
     """The sidebar, when measuring little by little has ended."""
-    jobs = import_module(f"{MODULE}.bridge.loop.jobs").StepwiseOperator
+    jobs = module("bridge.loop.jobs").StepwiseOperator
     area = next(area for area in bpy.context.window_manager.windows[0].screen.areas if area.type == "VIEW_3D")
     area.spaces.active.show_region_ui = True
     scene = bpy.context.scene

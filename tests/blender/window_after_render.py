@@ -7,7 +7,6 @@ the scene is then.
 import os
 import subprocess
 import tempfile
-from importlib import import_module
 from pathlib import Path
 
 import bpy
@@ -16,7 +15,8 @@ from bpy_extras.view3d_utils import location_3d_to_region_2d
 from mathutils import Euler
 
 from tests.blender import scenes
-from tests.blender.real_blender import MODULE, N, import_cube, pixels_of
+from tests.blender.real_blender import N, import_cube, pixels_of
+from tests.blender.scenes import module
 from tests.blender.window_driver import (
     SHOTS,
     area_of,
@@ -42,8 +42,8 @@ def set_up():
     scene.view_settings.view_transform = "Standard"
     with in_the_view():
         volume = import_cube(FOLDER)
-    functions = import_module(f"{MODULE}.rle_splat.classify.transfer_function")
-    import_module(f"{MODULE}.bridge.look.transfer").write_transfer(volume, functions.TransferFunction(
+    functions = module("rle_splat.classify.transfer_function")
+    module("bridge.look.transfer").write_transfer(volume, functions.TransferFunction(
         name="opaque", unit=None, opacity=((0.0, 0.9), (255.0, 0.9)), color=((0.0, *COLOR), (255.0, *COLOR)),
         opacity_unit_distance=1.0, shade=None))  # fmt: skip
     for frame, x in ((1, 0.0), (4, AWAY)):
@@ -106,7 +106,7 @@ def check(animation: bool, lock: bool):
     area_of("IMAGE_EDITOR").spaces.active.image = scene.rle_splat.composite_image if lock else None
     yield
     done, drawn, before = [], [], pixels_of(cut).copy()
-    slices = import_module(f"{MODULE}.bridge.live.slice_drawing")
+    slices = module("bridge.live.slice_drawing")
     draw = slices._draw_picture
     slices._draw_picture = lambda *given: drawn.append(bpy.app.is_job_running("RENDER")) or draw(*given)
 
@@ -139,7 +139,7 @@ def check(animation: bool, lock: bool):
 
 def check_viewport_compositor():
     """A composited viewport shows the picture of the last render, alone and with a sentence; others are live."""
-    live, area = import_module(f"{MODULE}.bridge.live"), area_of("VIEW_3D")
+    live, area = module("bridge.live"), area_of("VIEW_3D")
     shading = area.spaces.active.shading
     bpy.context.scene.render.engine = "BLENDER_WORKBENCH"  # has fewer shaders to compile than EEVEE
     solid, shading.type = shading.type, "RENDERED"
@@ -161,7 +161,7 @@ def check_viewport_compositor():
 
 def check_later_links():
     """A link that is drawn from the Render Layers to another output is led through our Alpha Over by itself."""
-    tree = import_module(f"{MODULE}.bridge.versions").compositor_tree(bpy.context.scene)
+    tree = module("bridge.versions").compositor_tree(bpy.context.scene)
     layers = next(node for node in tree.nodes if node.bl_idname == "CompositorNodeRLayers")
     viewer = tree.nodes.new("CompositorNodeViewer")
     area_of("IMAGE_EDITOR").ui_type = "CompositorNodeTree"

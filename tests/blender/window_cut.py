@@ -2,7 +2,6 @@
 dev.py test runs it; its photographs are to be looked at."""
 
 import tempfile
-from importlib import import_module
 from math import radians
 from pathlib import Path
 
@@ -12,7 +11,7 @@ from bpy_extras.view3d_utils import location_3d_to_region_2d
 from mathutils import Euler, Vector
 
 from tests.blender import scenes
-from tests.blender.real_blender import MODULE
+from tests.blender.scenes import module
 from tests.blender.user_steps import middle, press_button
 from tests.blender.user_steps import press as press_key
 from tests.blender.window_driver import (
@@ -34,7 +33,7 @@ N = 24  # voxels a side
 
 
 def handles():
-    return import_module(f"{MODULE}.bridge.scene.clip_handles")
+    return module("bridge.scene.clip_handles")
 
 
 def view():
@@ -51,7 +50,7 @@ def look(rotation, distance=70.0):
 
 def settled():
     """Wait until the live picture has been refined."""
-    live = import_module(f"{MODULE}.bridge.live")
+    live = module("bridge.live")
     area_of("VIEW_3D").tag_redraw()
     yield
     yield
@@ -361,7 +360,7 @@ def check_deleted(name):
     slices = [one for one in bpy.data.objects if one.rle_splat.is_slice]
     yield from until(lambda: bpy.context.scene.rle_splat.message)
     yield from photograph("slices_of_a_deleted_volume")
-    problem = import_module(f"{MODULE}.bridge.live.slice_pictures").problem_of
+    problem = module("bridge.live.slice_pictures").problem_of
     assert len(slices) == 3 and all("not the child of a volume" in problem(one) for one in slices)
 
 

@@ -7,7 +7,6 @@ not drawn, and for a dialog that is left out.  Its photographs are to be looked 
 
 import inspect
 import tempfile
-from importlib import import_module
 from pathlib import Path
 
 import bpy
@@ -17,6 +16,7 @@ from tests.blender.formats import write_every_format, write_series
 from tests.blender.layout_recorder import Drawn, subclasses
 from tests.blender.panel_states import add_volume
 from tests.blender.real_blender import MODULE
+from tests.blender.scenes import module
 from tests.blender.window_driver import (
     area_of,
     drive,
@@ -36,10 +36,6 @@ ENCODED = ("ball.rle", "tables.rle/header.json")
 NO_ZARR = "needs the package zarr"
 FILES: dict = {}  # name of a file -> options of its own in the import dialog
 drawn: dict = {}  # name of an operator -> what is in its dialog
-
-
-def module(name: str):
-    return import_module(f"{MODULE}.{name}")
 
 
 def operators() -> list:

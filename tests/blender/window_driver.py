@@ -31,13 +31,13 @@ import sys
 import tempfile
 import time
 import traceback
-from importlib import import_module
 from pathlib import Path
 
 import bpy
 import gpu
 
 from tests.blender.real_blender import MODULE, enable, install
+from tests.blender.scenes import module
 
 PAUSE = 0.03  # seconds between steps
 PATIENCE = 600  # seconds of pauses; each waits for the window, so a busy machine gets more time
@@ -163,7 +163,7 @@ def _steps():
     if not enable():
         install()
     # Beside other work software reads depth slowly; a viewport that has waited too often shows no lines in the volume.
-    import_module(f"{MODULE}.bridge.live.surface").WAITS = math.inf
+    module("bridge.live.surface").WAITS = math.inf
     shots = Path(os.environ.get(SHOTS) or tempfile.mkdtemp(prefix="rle_splat_shots_"))
     for number, (scenario, overlap) in enumerate(Run.scenarios):
         if number:
@@ -233,7 +233,7 @@ def open_panels(*idnames: str) -> None:
     Blender keeps whether a panel is open from when it is first drawn, so this acts on files opened later.
     """
     Run.start = ""
-    panels, shown = import_module(f"{MODULE}.panels"), {"RLE_SPLAT_PT_volume", *idnames}
+    panels, shown = module("panels"), {"RLE_SPLAT_PT_volume", *idnames}
     panels.unregister()
     for cls in panels.CLASSES:
         if issubclass(cls, bpy.types.Panel):
@@ -301,7 +301,7 @@ def redraw() -> None:
 
 def is_at_rest() -> bool:
     """Whether the add-on has nothing to do: its timer calls nothing, and neither a render nor its operators run."""
-    timer = import_module(f"{MODULE}.bridge.loop.timer")
+    timer = module("bridge.loop.timer")
     return not timer._due and not timer.must_wait()
 
 

@@ -6,7 +6,6 @@ keeps the photographs in build/window-shots/window_encoded.
 """
 
 import tempfile
-from importlib import import_module
 from pathlib import Path
 
 import bpy
@@ -15,6 +14,7 @@ from mathutils import Quaternion
 
 from tests.blender import scenes
 from tests.blender.real_blender import MODULE
+from tests.blender.scenes import module
 from tests.blender.window_driver import (
     area_of,
     drive,
@@ -28,10 +28,6 @@ from tests.blender.window_driver import (
 
 FOLDER = Path(tempfile.mkdtemp(prefix="rle_splat_encoded_"))
 SIDE = 96
-
-
-def module(name: str):
-    return import_module(f"{MODULE}.{name}")
 
 
 def add_folder() -> Path:

@@ -5,13 +5,13 @@ a volume that cannot be rendered, without its file; and a value under the mouse 
 """
 
 import tempfile
-from importlib import import_module
 from pathlib import Path
 
 import bpy
 import numpy as np
 
 from tests.blender import panel_states, scenes
+from tests.blender.scenes import module
 from tests.blender.user_steps import live, middle, settled, simulate, viewport
 from tests.blender.window_driver import (
     MODULE,
@@ -68,7 +68,7 @@ def check_a_bad_volume_in_f12():
         scene = scenes.use_cycles((96, 72), transparent=False)
         assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
     (FOLDER / "bad.raw").unlink()
-    import_module(f"{MODULE}.bridge.loop.store").forget_all()
+    module("bridge.loop.store").forget_all()
     done = []
     bpy.app.handlers.render_complete.append(lambda *_: done.append(True))
     bpy.context.preferences.view.render_display_type = "NONE"
@@ -95,7 +95,7 @@ def check_value_goes_with_the_mouse():
         bpy.ops.rle_splat.frame_volume()
         bpy.ops.wm.tool_set_by_id(name="rle_splat.window_tool")
     yield from settled()
-    probe, area = import_module(f"{MODULE}.bridge.look.probe"), area_of("VIEW_3D")
+    probe, area = module("bridge.look.probe"), area_of("VIEW_3D")
     right = 0.15 * region_of(area, "WINDOW").width  # to the middle of the ball
     for by in range(4):
         simulate("MOUSEMOVE", "NOTHING", middle(right + by))
@@ -127,7 +127,7 @@ def check_world_light():
     yield from under_a_sky()
     scene = bpy.context.scene
     background = next(node for node in scene.world.node_tree.nodes if node.type == "BACKGROUND")
-    state = import_module(f"{MODULE}.bridge.scene.world").state
+    state = module("bridge.scene.world").state
     yield from settled()
     assert "click Update World Light" in state(scene), state(scene)
     yield from photograph("world light not rendered yet")
@@ -187,7 +187,7 @@ def check_the_state_keeps_its_height():
         owner = panel_states.add_volume(FOLDER)
     yield from settled()
     yield from photograph("up to date")
-    viewports = import_module(f"{MODULE}.bridge.live.viewport")
+    viewports = module("bridge.live.viewport")
     still, viewports.STILL = viewports.STILL, 3600.0  # however long a redraw takes, no refined picture comes between
     for shift in (5.0, 10.0, 15.0):
         owner.rle_splat.shift_by = shift
@@ -229,10 +229,10 @@ def check_panels_read_no_image():
     space = area_of("VIEW_3D").spaces.active
     with in_the_view():
         panel_states.add_volume(FOLDER)
-    shown = import_module(f"{MODULE}.bridge.live.shown")
+    shown = module("bridge.live.shown")
     setattr(space, shown.SWITCH, False)
     read = []
-    nodes, rendered = (import_module(f"{MODULE}.bridge.scene.{name}") for name in ("world_nodes", "world_render"))
+    nodes, rendered = (module(f"bridge.scene.{name}") for name in ("world_nodes", "world_render"))
     before = nodes._pixels_of, rendered.render_light
     nodes._pixels_of = lambda image: read.append("pixels") or before[0](image)
     rendered.render_light = lambda *arguments, **named: read.append("rendered") or before[1](*arguments, **named)
@@ -244,7 +244,7 @@ def check_panels_read_no_image():
     texture.image.generated_type, texture.image.generated_color = "BLANK", (0.2, 0.3, 0.6, 1.0)
     link_color(scene.world, texture)
     yield from photograph("world of an image, nothing shown")
-    state = import_module(f"{MODULE}.bridge.scene.world").state
+    state = module("bridge.scene.world").state
     assert state(scene) == "World: its image, by direction", state(scene)
     assert read == [], read
     setattr(space, shown.SWITCH, True)
@@ -290,7 +290,7 @@ def check_selecting_restarts_nothing():
 
 def check_memory_is_freed():
     """Another file, and disabling the extension, leave no voxels and no labels."""
-    store = import_module(f"{MODULE}.bridge.loop.store")
+    store = module("bridge.loop.store")
     for end in ("another file", "disabled"):
         yield from new_file()
         with in_the_view():
@@ -322,7 +322,7 @@ def check_an_animated_sky():
     yield from settled()
     with in_the_view():
         assert bpy.ops.rle_splat.update_world_light("INVOKE_DEFAULT") == {"RUNNING_MODAL"}
-    state = import_module(f"{MODULE}.bridge.scene.world").state
+    state = module("bridge.scene.world").state
     yield from until(
         lambda: state(scene) == "World: rendered, by direction" and scene.rle_splat.world_light.count("\n")
     )
@@ -385,7 +385,7 @@ def check_scale_bar():
     with in_the_view():
         panel_states.add_volume(FOLDER)
         bpy.ops.rle_splat.frame_volume()
-    bars = import_module(f"{MODULE}.bridge.live.bars")
+    bars = module("bridge.live.bars")
     bpy.context.scene.rle_splat.show_scale_bar = True
     written, write = [], bars._write
     bars._write = lambda text, *place: written.append(text) or write(text, *place)

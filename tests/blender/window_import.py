@@ -6,7 +6,6 @@ dev.py test runs it. A slice of work is watched for how long it keeps the window
 import gzip
 import tempfile
 import time
-from importlib import import_module
 from pathlib import Path
 
 import bpy
@@ -14,7 +13,7 @@ import numpy as np
 
 from tests.blender import scenes
 from tests.blender.formats import write_series
-from tests.blender.real_blender import MODULE
+from tests.blender.scenes import module
 from tests.blender.user_steps import confirm_browser, settled
 from tests.blender.window_driver import (
     area_of,
@@ -37,7 +36,7 @@ slices: list[float] = []  # seconds of each slice of work
 
 
 def jobs():
-    return import_module(f"{MODULE}.bridge.loop.jobs").StepwiseOperator
+    return module("bridge.loop.jobs").StepwiseOperator
 
 
 def volumes():
@@ -113,7 +112,7 @@ def check_escape():
     yield from until(lambda: ended)
     print(f"Esc took {1e3 * (ended[0] - pressed):.0f} ms", flush=True)
     assert not jobs()._running and not volumes()
-    assert not import_module(f"{MODULE}.bridge.loop.store")._entries
+    assert not module("bridge.loop.store")._entries
     job._abandon = abandon
 
 
@@ -155,7 +154,7 @@ def check_chooser():
     yield from new_file()
     for number, count in ((1, 8), (2, 12), (3, 20)):
         write_series(FOLDER / "study" / str(number), number, count)
-    series = import_module(f"{MODULE}.bridge.volumes.series")
+    series = module("bridge.volumes.series")
     for key, found in (("ESC", 0), ("RET", 1)):
         start(FOLDER / "study")
         yield from until(series.offered)
@@ -179,14 +178,14 @@ def check_playback():
         bpy.ops.rle_splat.import_volume(
             filepath=str(FOLDER / "beat_01.raw"), shape=(64, 64, 64), dtype="uint8", spacing=(1, 1, 1),
             use_sequence=True)  # fmt: skip
-    ours, owner = import_module(f"{MODULE}.bridge.volumes.volumes"), volumes()[0]
+    ours, owner = module("bridge.volumes.volumes"), volumes()[0]
     yield from photograph("time")
     yield from wait_for_rest()
     assert all(ours.is_at_hand(owner, ahead=n) for n in range(4))
     scene, reads, drawn = bpy.context.scene, [], []
     scene.frame_start, scene.frame_end, owner.rle_splat.playback = 1, 4, "LOOP"
     scene.render.fps = 6  # a window drawn by software on a busy machine has the time for a draft of each
-    store, live = import_module(f"{MODULE}.bridge.loop.store"), import_module(f"{MODULE}.bridge.live")
+    store, live = module("bridge.loop.store"), module("bridge.live")
     counts, load = next(iter(live._lives.values())).viewport.counts, ours.file_steps
     ours.file_steps = lambda *given: reads.append(given) or load(*given)
     bpy.app.handlers.frame_change_pre.append(lambda scene, _depsgraph: drawn.append(counts["drafts"]))
@@ -220,7 +219,7 @@ def check_followed(ours, owner):
         assert bpy.ops.rle_splat.preview_in_camera_view(follow=True) == {"FINISHED"}
     image = scene.camera.data.background_images[0].image
     before = np.array(image.pixels[:])
-    ahead = import_module(f"{MODULE}.bridge.loop.work")
+    ahead = module("bridge.loop.work")
     asked = []
     want = ahead.want
     ahead.want = lambda *given: asked.append(want(*given)) or asked[-1]
@@ -252,7 +251,7 @@ def write_beat(side: int, frames: int) -> tuple[Path, Path]:
 
 def play_round(name: str, viewport, frames: int):
     """Play a round at 24 frames a second; print what was shown, and return how often each stage ran."""
-    live, kept = import_module(f"{MODULE}.bridge.live"), import_module(f"{MODULE}.bridge.scene.render_scene").KEPT
+    live, kept = module("bridge.live"), module("bridge.scene.render_scene").KEPT
     scene, made, finished, drawn = bpy.context.scene, dict(kept.made), [], []
     finish, draw = viewport._finish, live._draw
 
@@ -293,10 +292,10 @@ def check_organs_in_time(side: int = 64, frames: int = 8, coarseness: int | None
         owner, scene = volumes()[0], bpy.context.scene
         owner.rle_splat.label_file = str(organs)
         assert bpy.ops.rle_splat.load_segments() == {"FINISHED"}
-        import_module(f"{MODULE}.bridge.volumes.labels").show_anatomy(owner.rle_splat.labels)
+        module("bridge.volumes.labels").show_anatomy(owner.rle_splat.labels)
     scene.frame_start, scene.frame_end, owner.rle_splat.playback = 1, frames, "LOOP"
     scene.render.fps, scene.rle_splat.classification = 24, "post"
-    live, kept = import_module(f"{MODULE}.bridge.live"), import_module(f"{MODULE}.bridge.scene.render_scene").KEPT
+    live, kept = module("bridge.live"), module("bridge.scene.render_scene").KEPT
     area_of("VIEW_3D").spaces.active.show_region_ui = False
     with in_the_view():
         bpy.ops.rle_splat.frame_volume(side="A")
@@ -331,7 +330,7 @@ def check_framing():
     ball = np.clip(200.0 - 6.0 * np.sqrt((grid**2).sum(axis=0)), 0.0, 255.0).astype(np.uint8)
     path = FOLDER / "ball_64x64x64_uint8.raw"
     ball.tofile(path)
-    viewports = import_module(f"{MODULE}.bridge.scene.viewports")
+    viewports = module("bridge.scene.viewports")
     for perspective in ("PERSP", "ORTHO"):
         region_3d.view_perspective = perspective
         region_3d.view_location, region_3d.view_distance = (5.0, 5.0, 5.0), 20.0
@@ -340,7 +339,7 @@ def check_framing():
         owner = bpy.context.view_layer.objects.active
         yield from until(lambda: region_of(view, "UI").active_panel_category == viewports.tab())
         yield
-        corners = import_module(f"{MODULE}.bridge.volumes.box").world_corners(owner)
+        corners = module("bridge.volumes.box").world_corners(owner)
         seen = np.column_stack((corners, np.ones(8))) @ np.array(region_3d.perspective_matrix).T
         seen = np.abs(seen[:, :3] / seen[:, 3:])
         assert seen.max() < 1.0 and seen[:, :2].max() > 0.3, seen
@@ -369,7 +368,7 @@ def check_reload():
     scene.rle_splat.quality = "draft"
     scene.render.resolution_x = scene.render.resolution_y = 16
     bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / "saved.blend"))
-    works = [getattr(import_module(f"{MODULE}.operators.{name}"), f"RLE_SPLAT_OT_{name}")
+    works = [getattr(module(f"operators.{name}"), f"RLE_SPLAT_OT_{name}")
              for name in ("render_image", "apply_preset")]  # fmt: skip
     for one in works:
         one.time_budget = SHORT  # so that fast machines take several slices, too

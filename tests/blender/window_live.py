@@ -3,7 +3,6 @@ meshes inside the volume, kinds of views, and how often it is drafted and refine
 
 import os
 import tempfile
-from importlib import import_module
 from math import radians
 from pathlib import Path
 
@@ -12,7 +11,8 @@ import numpy as np
 from bpy_extras.view3d_utils import location_3d_to_region_2d
 from mathutils import Euler
 
-from tests.blender.real_blender import MODULE, N, import_cube, pixels_of
+from tests.blender.real_blender import N, import_cube, pixels_of
+from tests.blender.scenes import module
 from tests.blender.window_driver import (
     SHOTS,
     area_of,
@@ -35,7 +35,7 @@ ALIGNED = 0.6  # pixels between the middles of the volume and of the box around 
 
 
 def live():
-    return import_module(f"{MODULE}.bridge.live")
+    return module("bridge.live")
 
 
 def view():
@@ -95,8 +95,8 @@ def set_up():
     scene.rle_splat.quality = "standard"
     with in_the_view():
         volume = import_cube(FOLDER)
-    functions = import_module(f"{MODULE}.rle_splat.classify.transfer_function")
-    import_module(f"{MODULE}.bridge.look.transfer").write_transfer(volume, functions.TransferFunction(
+    functions = module("rle_splat.classify.transfer_function")
+    module("bridge.look.transfer").write_transfer(volume, functions.TransferFunction(
         name="opaque", unit=None, opacity=((0.0, 0.9), (255.0, 0.9)), color=((0.0, *COLOR), (255.0, *COLOR)),
         opacity_unit_distance=1.0, shade=None))  # fmt: skip
     scene.rle_splat.classification = "post"
@@ -405,7 +405,7 @@ def check_switch():
 
 def check_failure():
     """A failure shows one sentence in the panel, not a traceback per redraw, and Try Again ends it."""
-    surface = import_module(f"{MODULE}.bridge.live.surface")
+    surface = module("bridge.live.surface")
     contents = surface.BlenderSurface.contents
     calls = []
 

@@ -4,7 +4,6 @@ value under the mouse, and the histogram above the curve.  dev.py test runs it."
 import os
 import re
 import tempfile
-from importlib import import_module
 from math import radians
 from pathlib import Path
 
@@ -13,8 +12,7 @@ import numpy as np
 from bpy_extras.view3d_utils import location_3d_to_region_2d
 from mathutils import Euler, Vector
 
-from tests.blender.real_blender import MODULE
-from tests.blender.scenes import image_pixels
+from tests.blender.scenes import image_pixels, module
 from tests.blender.user_steps import live, settled
 from tests.blender.window_driver import (
     SHOTS,
@@ -67,8 +65,8 @@ def set_up():
         scene.rle_splat.scene_scale = 1.0
         assert bpy.ops.rle_splat.import_volume(filepath=str(path), value_unit="HU") == {"FINISHED"}
         volume = bpy.context.view_layer.objects.active
-    functions = import_module(f"{MODULE}.rle_splat.classify.transfer_function")
-    import_module(f"{MODULE}.bridge.look.transfer").write_transfer(
+    functions = module("rle_splat.classify.transfer_function")
+    module("bridge.look.transfer").write_transfer(
         volume,
         functions.TransferFunction(
             name="ball",
@@ -199,7 +197,7 @@ def check_cancel(volume_name):
 
 def check_value_under_the_mouse():
     """Over the ball the tool tells its value at the surface; beside it that nothing is there."""
-    probe = import_module(f"{MODULE}.bridge.look.probe")
+    probe = module("bridge.look.probe")
     area = area_of("VIEW_3D")
     yield from settled()
     drawn = pictures_drawn()

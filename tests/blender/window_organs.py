@@ -7,7 +7,6 @@ dev.py test runs it.  The files are written with pydicom and tifffile, which the
 import os
 import shutil
 import tempfile
-from importlib import import_module
 from pathlib import Path
 
 import bpy
@@ -16,7 +15,7 @@ from bpy_extras.view3d_utils import location_3d_to_region_2d
 from mathutils import Euler, Vector
 
 from tests.blender import scenes
-from tests.blender.real_blender import MODULE
+from tests.blender.scenes import module
 from tests.blender.user_steps import choose_import, confirm_browser, press_button, settled
 from tests.blender.window_driver import (
     SHOTS,
@@ -146,7 +145,7 @@ def volumes() -> list:
 
 
 def is_idle() -> bool:
-    return not import_module(f"{MODULE}.bridge.loop.jobs").StepwiseOperator.is_running()
+    return not module("bridge.loop.jobs").StepwiseOperator.is_running()
 
 
 def imported(path: Path):
@@ -173,7 +172,7 @@ def around(name: str, owner, index, voxels: float = 1.5 * RADIUS) -> np.ndarray:
     """(2 n + 1, 2 n + 1, 3) what the photograph of this name shows around a voxel, by so many voxels to each side."""
     pixels = scenes.load_pixels(Path(os.environ[SHOTS]) / f"{name}.png")[..., :3]
     region, view = region_of(area_of("VIEW_3D"), "WINDOW"), area_of("VIEW_3D").spaces.active.region_3d
-    corners = import_module(f"{MODULE}.bridge.volumes.box").world_corners(owner)
+    corners = module("bridge.volumes.box").world_corners(owner)
     axes = corners[[1, 2, 4]] - corners[0]
     places = (Vector(corners[0] + np.array(at) / (N - 1.0) @ axes) for at in (index, index + np.array((voxels, 0, 0))))
     place, beside = (location_3d_to_region_2d(region, view, at) for at in places)

@@ -5,13 +5,12 @@ dev.py test runs it.  Its photographs are to be looked at.
 
 import tempfile
 import time
-from importlib import import_module
 from pathlib import Path
 
 import bpy
 import numpy as np
 
-from tests.blender.real_blender import MODULE
+from tests.blender.scenes import module
 from tests.blender.window_driver import (
     area_of,
     drive,
@@ -35,13 +34,9 @@ MRML = """<MRML>
 </MRML>"""
 
 
-def module(name):
-    return import_module(f"{MODULE}.bridge.{name}")
-
-
 def pictures() -> dict:
     """The icons that there are, by the name of their preset."""
-    (collection,) = module("look.thumbnails")._collections
+    (collection,) = module("bridge.look.thumbnails")._collections
     return {name.rsplit("'", 2)[1]: preview for name, preview in collection.items()}  # the last text of its key
 
 
@@ -74,7 +69,7 @@ def watch_calls(thumbnails) -> list:
 
 
 def suits(owner) -> list:
-    return [one for one in module("look.preset_entries").groups(owner.rle_splat) if one.is_open]
+    return [one for one in module("bridge.look.preset_entries").groups(owner.rle_splat) if one.is_open]
 
 
 def check_thumbnails(owner, took):
@@ -104,7 +99,7 @@ def check_apply(owner):
 
 
 def viewport_is_busy() -> bool:
-    return any(one.is_busy for one in import_module(f"{MODULE}.bridge.live").viewports_of(area_of("VIEW_3D")))
+    return any(one.is_busy for one in module("bridge.live").viewports_of(area_of("VIEW_3D")))
 
 
 def check_own(owner):
@@ -114,7 +109,7 @@ def check_own(owner):
     with in_the_view():
         bpy.ops.rle_splat.import_presets(filepath=str(path), overwrite=True)
         bpy.ops.rle_splat.save_user_preset(name="My Smoke", overwrite=True)
-    shipped = import_module(f"{MODULE}.rle_splat.runtime.jit").shipped_level()
+    shipped = module("rle_splat.runtime.jit").shipped_level()
     # Gradient opacity has kernels of its own, which no thumbnail compiles.
     wanted = {"Rose", "Sea", "My Smoke"} if shipped else {"My Smoke"}
     yield from until(lambda: wanted <= set(pictures()))
@@ -140,7 +135,7 @@ def check_dialogs(owner):
 
 def check_from_disk(owner):
     """Another session finds the pictures on disk and renders nothing."""
-    thumbnails = module("look.thumbnails")
+    thumbnails = module("bridge.look.thumbnails")
     thumbnails.stop()
     rendered = []
     original = thumbnails.thumbnail_steps
@@ -153,7 +148,7 @@ def check_from_disk(owner):
 
 def check_other_tab(owner):
     """Without the tab nothing is made."""
-    thumbnails = module("look.thumbnails")
+    thumbnails = module("bridge.look.thumbnails")
     yield from until(lambda: not thumbnails._wanted)
     region_of(area_of("VIEW_3D"), "UI").active_panel_category = "View"
     yield
@@ -162,7 +157,7 @@ def check_other_tab(owner):
         for entry in group.entries:
             thumbnails.icon(owner, entry)
     yield from wait_for_rest()
-    assert not pictures() and not thumbnails._wanted and thumbnails._tick not in module("loop.timer")._due
+    assert not pictures() and not thumbnails._wanted and thumbnails._tick not in module("bridge.loop.timer")._due
     region_of(area_of("VIEW_3D"), "UI").active_panel_category = "RLE Splat"
     yield
 
@@ -170,7 +165,7 @@ def check_other_tab(owner):
 def scenario():
     open_panels("RLE_SPLAT_PT_display", "RLE_SPLAT_PT_presets")
     yield from new_file()
-    took = watch_calls(module("look.thumbnails"))
+    took = watch_calls(module("bridge.look.thumbnails"))
     owner = import_scan()
     yield
     yield from check_thumbnails(owner, took)

@@ -4,7 +4,6 @@ dev.py test runs it.  The scan is a file tests/blender/chest.* if there is one, 
 """
 
 import tempfile
-from importlib import import_module
 from pathlib import Path
 
 import bpy
@@ -12,7 +11,7 @@ import numpy as np
 from bpy_extras.view3d_utils import location_3d_to_region_2d
 from mathutils import Vector
 
-from tests.blender.real_blender import MODULE
+from tests.blender.scenes import module
 from tests.blender.user_steps import find_button, press_button, scroll_sidebar, settled
 from tests.blender.window_driver import (
     area_of,
@@ -40,8 +39,8 @@ def write_phantom() -> Path:
     values[(np.abs(x) - 3.0 < 4.0) & (np.abs(y - 10.0) < 5.0)] = 500
     values[(np.abs(y - 26.0) < 1.6) & (np.abs(x) < 46.0)] = 200
     path = FOLDER / "chest.nii.gz"
-    read = import_module(f"{MODULE}.rle_splat.read.formats")
-    volumes = import_module(f"{MODULE}.rle_splat.volume.volume")
+    read = module("rle_splat.read.formats")
+    volumes = module("rle_splat.volume.volume")
     read.write_volume(
         volumes.Volume(values, np.diag((4.0, 4.0, 4.0, 1.0)), value_unit="HU", modality="CT", space="patient"), path
     )
@@ -63,7 +62,7 @@ def rows():
 
 
 def is_idle() -> bool:
-    return not import_module(f"{MODULE}.bridge.loop.jobs").StepwiseOperator.is_running()
+    return not module("bridge.loop.jobs").StepwiseOperator.is_running()
 
 
 def call_menu(entry: int):
@@ -123,7 +122,7 @@ def bone_place() -> tuple:
     """The window's pixel of the phantom's spine, seen from the feet."""
     area = area_of("VIEW_3D")
     region = region_of(area, "WINDOW")
-    corners = import_module(f"{MODULE}.bridge.volumes.box").world_corners(volume())
+    corners = module("bridge.volumes.box").world_corners(volume())
     low, high = corners.min(axis=0), corners.max(axis=0)
     point = Vector(low + (high - low) * (0.5, 57.5 / 95.0, 0.0))
     place = location_3d_to_region_2d(region, area.spaces.active.region_3d, point)

@@ -3,14 +3,13 @@ dev.py test runs it."""
 
 import tempfile
 from collections import Counter
-from importlib import import_module
 from pathlib import Path
 
 import bpy
 import numpy as np
 
 from tests.blender import scenes
-from tests.blender.real_blender import MODULE
+from tests.blender.scenes import module
 from tests.blender.user_steps import drag, live, middle, settled, viewport
 from tests.blender.window_driver import area_of, drive, in_the_view, new_file, passed, photograph, until, wait_for_rest
 
@@ -21,10 +20,6 @@ reads: Counter = Counter()  # of files, by the function that reads them
 held: list = []  # not empty while label files take forever
 
 
-def module(name):
-    return import_module(f"{MODULE}.bridge.{name}")
-
-
 def count_reads():
     for name, function in (("volumes.volumes", "file_steps"), ("volumes.labels", "read_label_steps")):
         original = getattr(module(name), function)
@@ -32,7 +27,7 @@ def count_reads():
         def counted(*given, original=original, function=function, **more):
             reads[function] += 1
             while function == "read_label_steps" and held:
-                yield import_module(f"{MODULE}.rle_splat.runtime.steps").Progress(0.5, "reading labels")
+                yield module("rle_splat.runtime.steps").Progress(0.5, "reading labels")
             return (yield from original(*given, **more))
 
         setattr(module(name), function, counted)
@@ -57,8 +52,8 @@ def add_cube(name, side, place):
         ) == {"FINISHED"}
         owner = bpy.context.view_layer.objects.active
         owner.location = place
-        functions = import_module(f"{MODULE}.rle_splat.classify.transfer_function")
-        module("look.transfer").write_transfer(owner, functions.TransferFunction(
+        functions = module("rle_splat.classify.transfer_function")
+        module("bridge.look.transfer").write_transfer(owner, functions.TransferFunction(
             name="opaque", unit=None, opacity=((0.0, 0.9), (255.0, 0.9)),
             color=((0.0, 0.5, 0.5, 0.5), (255.0, 0.5, 0.5, 0.5)), opacity_unit_distance=0.02, shade=None))  # fmt: skip
         owner.rle_splat.label_file = write_labels(name, side, 0.5)
@@ -136,17 +131,18 @@ def check_the_picture_follows():
 
 def check_limit():
     """With room for one volume, both that the window shows stay; a hidden one leaves when the other is read anew."""
-    store, most = module("loop.store"), module("loop.store").MOST_BYTES
+    store, most = module("bridge.loop.store"), module("bridge.loop.store").MOST_BYTES
     store.MOST_BYTES = 1
     reads.clear()
-    module("volumes.volumes").forget_all()
+    module("bridge.volumes.volumes").forget_all()
     yield from at_rest("limit", {"file_steps": 2, "read_label_steps": 2})
     bpy.data.objects["far"].hide_set(True)
     near = bpy.data.objects["near"]
     near.rle_splat.label_file = write_labels("near", NEAR, 0.75)
     near.update_tag()
     yield from at_rest("hidden", {"file_steps": 2, "read_label_steps": 3})
-    assert [module("volumes.volumes").is_at_hand(bpy.data.objects[name]) for name in ("near", "far")] == [True, False]
+    is_at_hand = module("bridge.volumes.volumes").is_at_hand
+    assert [is_at_hand(bpy.data.objects[name]) for name in ("near", "far")] == [True, False]
     bpy.data.objects["far"].hide_set(False)
     yield from at_rest("shown_again", {"file_steps": 3, "read_label_steps": 4})
     store.MOST_BYTES = most
@@ -165,14 +161,14 @@ def check_deleted():
     message = bpy.context.scene.rle_splat.message
     assert message == "The volume 'near' was deleted, so its backdrop was removed.", message
     yield from at_rest("deleted", {})
-    assert len(module("loop.store")._entries) == 2, "the voxels and the labels of the other one"
+    assert len(module("bridge.loop.store")._entries) == 2, "the voxels and the labels of the other one"
     scenes.activate(bpy.data.objects["far"])
     with in_the_view():
         bpy.ops.object.delete()
     area_of("VIEW_3D").tag_redraw()
     yield
     yield
-    assert viewport() is None and module("loop.store").nbytes() == 0
+    assert viewport() is None and module("bridge.loop.store").nbytes() == 0
 
 
 def scenario():

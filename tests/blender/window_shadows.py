@@ -7,15 +7,14 @@ It renders with EEVEE, for a Blender built without NanoVDB casts no shadow of a 
 
 import math
 import tempfile
-from importlib import import_module
 from pathlib import Path
 
 import bpy
 import numpy as np
 
 from tests.blender import panel_states, scenes
+from tests.blender.scenes import module
 from tests.blender.window_driver import (
-    MODULE,
     drive,
     in_the_view,
     new_file,
@@ -75,7 +74,7 @@ def rendered(path: Path):
 def scenario():
     open_panels("RLE_SPLAT_PT_shading", "RLE_SPLAT_PT_picture", "RLE_SPLAT_PT_diagnostics", "RLE_SPLAT_PT_effects")
     yield from new_file()
-    shadows = import_module(f"{MODULE}.bridge.render.mesh_shadows")
+    shadows = module("bridge.render.mesh_shadows")
     with in_the_view():
         add_scene()
         assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}

@@ -3,7 +3,6 @@ own by dragging.  dev.py test runs it; its photographs are to be looked at."""
 
 import os
 import tempfile
-from importlib import import_module
 from pathlib import Path
 
 import addon_utils
@@ -14,6 +13,7 @@ from mathutils import Vector
 
 from tests.blender import scenes
 from tests.blender.real_blender import MODULE
+from tests.blender.scenes import module
 from tests.blender.window_driver import (
     SHOTS,
     TAB,
@@ -40,7 +40,7 @@ def slices() -> dict:
 
 
 def settled():
-    live = import_module(f"{MODULE}.bridge.live")
+    live = module("bridge.live")
     area_of("VIEW_3D").tag_redraw()
     yield
     yield
@@ -97,7 +97,7 @@ def check_four_up(name):
     scenes.activate(bpy.data.objects[name])
     yield from settled()
     assert not area_of("VIEW_3D").spaces.active.overlay.show_text, "Blender's names of the views, which are the world's"
-    letters = import_module(f"{MODULE}.bridge.live.letters")
+    letters = module("bridge.live.letters")
     drawn, draw = [], letters.blf.draw
     letters.blf.draw = lambda font, text: drawn.append((bpy.context.region.as_pointer(), text)) or draw(font, text)
     yield from photograph("four_up")
@@ -110,7 +110,7 @@ def check_four_up(name):
     # None lies under the sidebar.
     area, owner = area_of("VIEW_3D"), bpy.data.objects[name]
     sidebar = next(one for one in area.regions if one.type == "UI")
-    corners = import_module(f"{MODULE}.bridge.volumes.box").world_corners(owner)
+    corners = module("bridge.volumes.box").world_corners(owner)
     views = area.spaces.active.region_quadviews
     for region, view in zip([one for one in area.regions if one.type == "WINDOW"], views):
         places = [location_3d_to_region_2d(region, view, Vector(corner)) for corner in corners]
@@ -244,8 +244,8 @@ def check_tab():
     space.show_region_ui = False
     addon_utils.disable(MODULE)  # the preferences stay, as from one start to the next
     addon_utils.enable(MODULE)
-    show_once = import_module(f"{MODULE}.operators.show_tab").show_once
-    due = import_module(f"{MODULE}.bridge.loop.timer")._due
+    show_once = module("operators.show_tab").show_once
+    due = module("bridge.loop.timer")._due
     assert show_once in due, "each start looks whether it was opened"
     yield from until(lambda: show_once not in due)
     assert not space.show_region_ui

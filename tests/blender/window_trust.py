@@ -6,7 +6,6 @@ keeps them in build/window-shots/window_trust.  Each step also asserts the sente
 """
 
 import tempfile
-from importlib import import_module
 from pathlib import Path
 
 import bpy
@@ -14,6 +13,7 @@ import numpy as np
 
 from tests.blender import panel_states, scenes
 from tests.blender.real_blender import MODULE
+from tests.blender.scenes import module
 from tests.blender.window_driver import (
     area_of,
     drive,
@@ -191,7 +191,7 @@ def undone_settings():
         bpy.ops.ed.undo_push(message="opacity again")
         bpy.ops.rle_splat.preview_in_camera_view()
         bpy.ops.ed.undo()
-    freshness = import_module(f"{MODULE}.bridge.pictures.outdated")
+    freshness = module("bridge.pictures.outdated")
     yield from until(lambda: freshness.out_of_date(bpy.context.scene))
     yield from photograph("09-undone-settings")
 
@@ -231,7 +231,7 @@ def missing_file():
 
     The viewport says so, the button that mends it is beside the sentence in the tab, and the other volume is drawn.
     """
-    live = import_module(f"{MODULE}.bridge.live")
+    live = module("bridge.live")
     yield from scene_with_camera()
     add_ball("ball")
     path = Path(add_ball("gone", SIDE).rle_splat.filepath)

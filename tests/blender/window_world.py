@@ -5,15 +5,14 @@ pressed, which changes nothing of what was rendered before.
 """
 
 import tempfile
-from importlib import import_module
 from pathlib import Path
 
 import bpy
 import numpy as np
 
 from tests.blender import panel_states, scenes
+from tests.blender.scenes import module
 from tests.blender.window_driver import (
-    MODULE,
     area_of,
     drive,
     in_the_view,
@@ -46,8 +45,8 @@ def add_world(kind: str):
 def add_scene(folder: Path):
     """A white ball under a weak sun, in renders."""
     owner = panel_states.add_volume(folder)
-    functions = import_module(f"{MODULE}.rle_splat.classify.transfer_function")
-    import_module(f"{MODULE}.bridge.look.transfer").write_transfer(owner, functions.TransferFunction(
+    functions = module("rle_splat.classify.transfer_function")
+    module("bridge.look.transfer").write_transfer(owner, functions.TransferFunction(
         name="white", unit=None, opacity=((0.0, 0.0), (100.0, 0.0), (120.0, 0.9)), color=((0.0, 1.0, 1.0, 1.0),),
         shade=functions.Shade(0.0, 1.0, 0.0, 1.0)))  # fmt: skip
     sun = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
@@ -85,7 +84,7 @@ def update_world_light():
     """Press the button and wait."""
     with in_the_view():
         assert bpy.ops.rle_splat.update_world_light("INVOKE_DEFAULT") == {"RUNNING_MODAL"}
-    running = import_module(f"{MODULE}.bridge.loop.jobs").StepwiseOperator.is_running
+    running = module("bridge.loop.jobs").StepwiseOperator.is_running
     yield from until(lambda: not running())
 
 
@@ -109,7 +108,7 @@ def check_f12_after_an_edit(path: Path):
 
 def check_slots(path: Path):
     """Two slots keep their pixels after a Sky node is edited, and no handler of a render or a frame is called."""
-    sky, light = add_world("ShaderNodeTexSky"), import_module(f"{MODULE}.bridge.scene.world_render")
+    sky, light = add_world("ShaderNodeTexSky"), module("bridge.scene.world_render")
     scene, pixels = bpy.context.scene, []
     slots = bpy.data.images["Render Result"].render_slots
     for slot in (0, 1):

@@ -27,7 +27,7 @@ def test_the_example_of_the_readme_runs(tmp_path, monkeypatch):
     names = {}
     exec(compile(_python_of(ROOT / "README.md"), "README.md", "exec"), names)
     assert 0.02 < (names["rendering"].rgba[..., 3] > 0.5).mean() < 0.5 and "flair" in names["why"]
-    assert min((tmp_path / name).stat().st_size for name in ("out.png", "figure.svg")) > 10_000
+    assert min((tmp_path / name).stat().st_size for name in ("brain.png", "brain.svg")) > 10_000
 
 
 @pytest.mark.slow  # it compiles the kernels of the quality fine and of a tolerance

@@ -199,3 +199,10 @@ def test_a_preset_can_be_named():
         render(scene, "best")
     with pytest.raises(RleSplatError, match="must be a Quality or the name of one"):
         render(scene, 3)
+
+
+@pytest.mark.parametrize("classification", ["pre", "post"])
+@pytest.mark.parametrize("name", list(PRESET_AIMS))
+def test_a_quality_with_the_name_of_a_preset_has_its_settings(name, classification):
+    quality = Quality(name=name, classification=classification)
+    assert quality == Quality.preset(name, classification) and quality.is_preset
