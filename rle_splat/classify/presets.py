@@ -149,6 +149,11 @@ def fit_preset(name: str, volume: Volume) -> tuple[TransferFunction, str | None]
         In the volume's values.
     remark : str or None
         A sentence if the points were moved.
+
+    Raises
+    ------
+    RleSplatError
+        If there is no preset of this name.
     """
     return drain(fit_preset_steps(name, volume))
 

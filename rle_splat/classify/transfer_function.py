@@ -230,7 +230,7 @@ class TransferFunction:
         if not isinstance(self.name, str):
             raise RleSplatError(f"The transfer function's name must be text, not {short(self.name)}.")
         if not (self.unit is None or (isinstance(self.unit, str) and self.unit)):
-            raise RleSplatError('The transfer function\'s unit must be text such as "HU", or null.')
+            raise RleSplatError('The transfer function\'s unit must be text such as "HU", or None.')
         put("opacity", _points(self.opacity, 2, "opacity", "[value, alpha]"))
         put("color", _points(self.color, 4, "color", "[value, r, g, b]"))
         for value, alpha in self.opacity:

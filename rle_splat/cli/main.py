@@ -36,7 +36,7 @@ EXAMPLES = {
     "info": "scan.nii.gz",
     "figure": "scan.nii.gz --preset ct-bone --view 0 0 --view 90 0 -o fig.svg",
     "encode": "scan.nii.gz --preset ct-bone -o scan.rle",
-    "convert": "scan.nii.gz scan.vdb",
+    "convert": "scan.nii.gz scan.nrrd",
     "accuracy": "scan.nii.gz --azimuth 30 --json a.json",
     "prepare": "--json report.json",
     "compare": "scan.nii.gz --json compare.json",
