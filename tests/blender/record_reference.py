@@ -38,7 +38,7 @@ SCALE = 1.25  # of the interface
 TAB = "One Panel"
 TABS, EDGE = 26, 4  # pixels: of the tabs beside the panels, and of the sidebar's edge
 WIDER = 50  # pixels more than the sidebar has at first, for the names of segments
-HEADERS = 15, 46  # pixels from the end of Render up to the titles of its closed parts
+HEADERS = 15, 42, 68  # pixels from the end of Render up to the titles of its closed parts
 PHOTOGRAPHS = "Presets"  # is smaller as a JPEG
 COLORS, QUALITY = 128, 50  # of a PNG and of a JPEG
 
