@@ -220,7 +220,7 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         "DICOM's coordinates, which grow toward the left, back and head",
         precision=1, step=100, options=set(), get=_slice_position, set=_move_slice)  # fmt: skip
     slices_follow_window: BoolProperty(
-        name="Volume's Window", default=True, update=_unlink_slices,
+        name="From Volume", default=True, update=_unlink_slices,
         description="Let slices use the window and level of the volume's colors instead of their own")  # fmt: skip
     slice_center: LiveFloat(
         name="Level", description="Value that slices and gray values on cuts show as middle gray", default=0.5,
