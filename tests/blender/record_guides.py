@@ -3,8 +3,8 @@
     python3 dev.py blender --photograph tests/blender/record_guides.py --size 1280x800
 
 writes how-to-*.jpg into build/window-shots/record_guides.  In tests/blender/data are: ``scan``, the DICOM
-series of the gallery's skull; ``cta_aorta_labels``, the dissected aorta with its segments; and the files of RAW, FOOT
-and HEAD_MR.
+series of the gallery's skull; ``pet``, a PET series; ``cta_aorta_labels``, the dissected aorta with its segments; and
+the files of RAW, FOOT and HEAD_MR.
 how-to-preferences.jpg is a part of preferences.png of window_panels.py, without paths.
 """
 
@@ -143,6 +143,57 @@ def kept():
     yield from keep("kept", HEAD)
     beside("how-to-keep", {"Angio": "all", "Kept by one click, Shift 130 HU": "kept"})
     passed("kept")
+
+
+def segments():
+    """Vessels and chambers of a heart: a threshold, its largest part, grown, and smoothed."""
+    volume = yield from imported("ct-angiography", HEART)
+    bare()
+    area_of("VIEW_3D").spaces.active.overlay.show_overlays = False  # without the box
+    look_from(84.0, 20.0, 0.56)
+    activate(volume)
+    shown = {}
+    for caption, operator, given in (
+        ("Threshold to Segment, from 290 HU", "threshold_segment", {"low": 290.0, "high": 3000.0}),
+        ("Keep Largest", "change_segment", {"tool": "LARGEST"}),
+        ("Grow, 2 mm", "change_segment", {"tool": "GROW", "length": 2.0}),
+        ("Smooth, 4 mm", "change_segment", {"tool": "SMOOTH", "length": 4.0}),
+    ):
+        with in_the_view():
+            assert getattr(bpy.ops.rle_splat, operator)(**given) == {"FINISHED"}
+        if not shown:
+            volume.rle_splat.labels[0].show = False  # the background
+        yield from settled()
+        shown[caption] = f"segment-{len(shown)}"
+        yield from keep(shown[caption], HEAD)
+    beside("how-to-segments", shown, across=2)
+    passed("segments")
+
+
+def fused():
+    """A PET, red on what stands for its CT, of which there is none: the same PET, whose body is faint and gray."""
+    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_channels", "RLE_SPLAT_PT_transfer")
+    volume = yield from imported("pet", "pet")
+    bare()
+    area_of("VIEW_3D").spaces.active.overlay.show_overlays = False  # without the box
+    look_from(85.0, 25.0, 0.55)
+    body = Path(tempfile.mkdtemp()) / "Body.json"
+    opacity = [(0.0, 0.0), (0.25, 0.0), (0.6, 0.03), (20.0, 0.03)]  # of SUV
+    import_module(f"{MODULE}.rle_splat").TransferFunction(
+        "Body", "SUVbw", opacity, [(0.0, 0.3, 0.32, 0.35)], opacity_unit_distance=6.0
+    ).save(str(body))
+    activate(volume)
+    with in_the_view():
+        assert bpy.ops.rle_splat.load_transfer_function(filepath=str(body)) == {"FINISHED"}
+        assert bpy.ops.rle_splat.import_channel(filepath=str(next((DATA / "pet").iterdir()))) == {"FINISHED"}
+    channel = volume.rle_splat.channels[0].source
+    channel.name, channel.rle_splat.window_center, channel.rle_splat.window_width = "Uptake", 5.0, 6.0
+    volume.select_set(False)
+    activate(channel)
+    bpy.context.scene.rle_splat.quality = "fine"
+    yield from settled()
+    yield from keep("how-to-fuse")
+    passed("fused")
 
 
 def set_up_slices():
@@ -393,7 +444,7 @@ def scenario():
 
 
 PARTS = (
-    layout, curve, window_tool, set_up_slices, presets, kept, smoothness, table, cut, surface, raw_file,
-    live, in_time,
+    layout, curve, window_tool, set_up_slices, presets, kept, segments, fused, smoothness, table, cut, surface,
+    raw_file, live, in_time,
 )  # fmt: skip
 drive(scenario)
