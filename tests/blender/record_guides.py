@@ -179,7 +179,7 @@ def fused():
     look_from(85.0, 25.0, 0.55)
     body = Path(tempfile.mkdtemp()) / "Body.json"
     opacity = [(0.0, 0.0), (0.25, 0.0), (0.6, 0.03), (20.0, 0.03)]  # of SUV
-    import_module(f"{MODULE}.rle_splat").TransferFunction(
+    module("rle_splat").TransferFunction(
         "Body", "SUVbw", opacity, [(0.0, 0.3, 0.32, 0.35)], opacity_unit_distance=6.0
     ).save(str(body))
     activate(volume)
