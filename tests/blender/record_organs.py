@@ -39,7 +39,7 @@ DARK = (0.012, 0.016, 0.024)  # of the world
 DESCENDING = 0.35  # of the picture's height: how far below the line to the false lumen that of the true lumen ends
 ARTERY, NEAR_AORTA = "Left subclavian artery", (0.503, 0.83)  # its place in the picture, in shares of it
 RINGS = "annulus_proper", "sinotubular_junction"  # thin ones, in a color of their own
-GROUND, VESSEL_WINDOW, VIOLET, YELLOW = 551.0, (150.0, 900.0), (0.22, 0.1, 0.42), (0.8, 0.55, 0.1)
+GROUND, VESSEL_WINDOW, YELLOW = 551.0, (150.0, 900.0), (0.8, 0.55, 0.1)
 
 
 def label(volume, text: str, place) -> None:
@@ -92,8 +92,7 @@ def tutorial_of_organs():
     yield from wait_for_rest()
     yield from keep("whole", ORGANS)
     ours = volume.rle_splat
-    false = next(n for n, row in enumerate(ours.labels) if row.label_name == "aorta_false_lumen")
-    ours.active_label, ours.labels[false].color = false, VIOLET
+    ours.active_label = next(n for n, row in enumerate(ours.labels) if row.label_name == "aorta_false_lumen")
     for row in ours.labels:
         if row.label_name in RINGS:
             row.color = YELLOW
