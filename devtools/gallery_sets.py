@@ -34,42 +34,41 @@ PLATE = -112.0  # the height of the slice above the middle of the scan
 # Names, the place of each in mm from the middle of the scan, and that of its text in the picture, in widths.
 NAMES = (
     ("Right brachiocephalic\nvein", (-46.0, -21.0, 93.0), (-0.232, 0.27)),
-    ("Brachiocephalic trunk", (-26.0, -19.0, 88.0), (-0.232, 0.21)),
-    ("Ascending aorta", (-12.0, -28.0, 52.0), (-0.232, 0.145)),
-    ("Pulmonary trunk", (22.0, -22.0, 45.0), (-0.232, 0.08)),
-    ("Right ventricle", (10.0, -60.0, -33.0), (-0.232, -0.04)),
-    ("Stent graft", (14.0, 17.0, 82.0), (0.25, 0.255)),
-    ("False lumen", (18.0, 58.0, 40.0), (0.25, 0.195)),
-    ("Left pulmonary artery", (29.0, 26.0, 43.0), (0.25, 0.125)),
-    ("Left atrial appendage", (31.0, -8.0, 26.0), (0.25, 0.055)),
-    ("Left inferior\npulmonary vein", (34.0, 31.0, -7.0), (0.25, -0.005)),
-    ("Left ventricle", (58.0, -35.0, -33.0), (0.25, -0.075)),
-    ("Splenic artery", (41.0, 10.0, -103.0), (0.25, -0.15)),
+    ("Brachiocephalic trunk", (-26.0, -19.0, 88.0), (-0.232, 0.205)),
+    ("Ascending aorta", (-12.0, -28.0, 52.0), (-0.232, 0.135)),
+    ("Pulmonary trunk", (22.0, -22.0, 45.0), (-0.232, 0.06)),
+    ("Right ventricle", (10.0, -60.0, -33.0), (-0.232, -0.06)),
+    ("Stent graft", (14.0, 17.0, 86.0), (-0.04, 0.33)),
+    ("False lumen", (21.0, 62.0, 40.0), (0.23, 0.16)),
+    ("Left inferior\npulmonary vein", (40.0, 36.0, -22.0), (0.23, 0.0)),
+    ("Left ventricle", (61.0, -30.0, -35.0), (0.23, -0.09)),
 )
 IN_WIRE, IN_RIGHT, IN_LEFT, IN_BONE = (40, 9, 94), (70, 32, 94), (83, 52, 60), (42, 121, 59)  # voxels of clicks
 RIGHT, LEFT, FALSE, BONES, STENT = "Right Heart", "Left Heart", "False Lumen", "Bones", "Stent"
 COLORS = {
     RIGHT: (0.09, 0.17, 0.42),
     LEFT: (0.6, 0.07, 0.045),
-    FALSE: (0.23, 0.04, 0.16),
+    FALSE: (0.29, 0.05, 0.21),
     BONES: (0.72, 0.62, 0.46),
-    STENT: (0.5, 0.53, 0.56),
+    STENT: (0.42, 0.45, 0.48),
 }
 # Tools that smooth each segment, with lengths in mm: thin parts are lost, and so are notches.
 SMOOTHING = (
-    (BONES, (("GROW", 4.6), ("FILL", 0.0), ("SHRINK", 4.6), ("SMOOTH", 1.6), ("LARGEST", 0.0))),
-    (LEFT, (("GROW", 2.2), ("SHRINK", 2.2), ("SMOOTH", 1.6), ("LARGEST", 0.0))),
-    (RIGHT, (("SMOOTH", 2.7), ("LARGEST", 0.0))),
+    (BONES, (("GROW", 4.6), ("FILL", 0.0), ("SHRINK", 4.6), ("SMOOTH", 3.0), ("LARGEST", 0.0))),
+    (LEFT, (("GROW", 2.6), ("SHRINK", 2.6), ("SMOOTH", 1.6), ("LARGEST", 0.0))),
+    (RIGHT, (("SMOOTH", 2.7), ("SMOOTH", 4.4), ("LARGEST", 0.0))),
     (FALSE, (("GROW", 1.6), ("LARGEST", 0.0))),
 )
 # Corners of boxes that are cut off, in mm from the middle: what is above the aorta and, before it, where vessels meet
-# veins that are as dense; thin parts of the uppermost bones; the right clavicle, and the ribs before the aorta.
+# veins that are as dense; thin parts of the uppermost bones; the right clavicle, and the ribs beside the aorta.  Other
+# heights within a voxel of 1.5 mm leave a dark line along the far edge of a cut, or spots on it.
 CUTS = (
-    ((-100.0, -100.0, 108.0), (100.0, 100.0, 140.0)),
-    ((-100.0, -100.0, 99.0), (100.0, 2.0, 140.0)),
-    ((-100.0, 66.0, 101.0), (100.0, 100.0, 140.0)),
-    ((-100.0, -100.0, 86.0), (-30.0, -22.0, 140.0)),
-    ((70.0, -100.0, 50.0), (100.0, 40.0, 140.0)),
+    ((-100.0, -100.0, 107.25), (100.0, 100.0, 140.0)),
+    ((-100.0, -100.0, 98.25), (100.0, 2.25, 140.0)),
+    ((-100.0, 66.75, 101.25), (100.0, 100.0, 140.0)),
+    ((-100.0, -100.0, 86.25), (-30.75, -21.75, 140.0)),
+    ((58.5, 20.25, -60.0), (100.0, 100.0, 140.0)),
+    ((69.75, -100.0, 50.25), (100.0, 40.0, 140.0)),
 )
 SHADED = 0.9  # the part of the slice that is lit
 
@@ -178,7 +177,7 @@ def heart(stage: Stage):
     _show(ours, LEFT)
     bpy.ops.rle_splat.threshold_segment(low=800.0, high=ours.value_high)
     ours.labels[ours.active_label].label_name = STENT
-    _change(ours, STENT, "GROW", 1.6)
+    _change(ours, STENT, "GROW", 2.2)
     _show(ours, *COLORS)
     for row in ours.labels:
         if row.show:
@@ -187,7 +186,7 @@ def heart(stage: Stage):
         _cut(stage, low, high)
     ours.smoothness, ours.shift_by = 3.0, 0.0
     laid = _lay_slice(stage)
-    camera = stage.camera((1.62, -1.18, 0.75), lens=43.0, aim=(0.02, 0.03, -0.08))
+    camera = stage.camera((1.62, -1.18, 0.75), lens=43.0, aim=(0.02, 0.03, -0.09))
     bpy.context.view_layer.update()
     white, black = emission("Letters", (0.85, 0.87, 0.9)), emission("Edges", (0.01, 0.011, 0.014))
     ground = PLATE + 1.0
@@ -196,16 +195,16 @@ def heart(stage: Stage):
     at, facing = Matrix.Translation(stage.middle), Matrix.Rotation(1.03, 4, "Z")
     for body, x, y in (("A", -30.0, -112.0), ("L", 120.0, 60.0)):
         letters(body, at @ Matrix.Translation(MM * Vector((x, y, ground))) @ facing, 20.0 * MM, white)
-    bar = at @ Matrix.Translation(MM * Vector((116.0, -40.0, ground))) @ Matrix.Rotation(0.5 * math.pi, 4, "Z")
+    bar = at @ Matrix.Translation(MM * Vector((112.0, 5.0, ground))) @ Matrix.Rotation(0.5 * math.pi, 4, "Z")
     scale_bar("50 mm", bar, 50.0 * MM, 12.0 * MM, white)
-    floor = stage.sweep((1.75, -1.05), stage.foot - 4.0 * MM / stage.size, (0.03, 0.034, 0.044))
+    floor = stage.sweep((1.75, -1.05), stage.foot - 4.0 * MM / stage.size, (0.055, 0.061, 0.075))
     floor.visible_shadow = False  # the key is behind its wall
     floor.active_material.node_tree.nodes["Principled BSDF"].inputs["Specular IOR Level"].default_value = 0.0
     bpy.context.scene.cycles.use_denoising = True
     stage.ground += (laid,)
-    key = stage.key(3.6, (-0.2, -1.3, 2.2), (1.0, 0.97, 0.94))
+    key = stage.lamp("Key", "SUN", 3.3, (0.5, -1.2, 2.0), (1.0, 0.97, 0.94), angle=math.radians(10.0))
     spare("Key", key, (floor,))  # a shadow of ribs alone would look like an object
-    stage.area("Rim", 90.0, (-0.8, 1.6, 1.0), COLD)
+    stage.area("Fill", 24.0, (1.6, 0.6, 0.4), COLD)  # for the flank of the aorta
     softbox_world(
         ((0.02, 0.02, 0.022), (0.05, 0.055, 0.065), (0.25, 0.27, 0.3)),
         (((1.6, -1.3, 1.1), 24.0, (4.0, 3.8, 3.6)), ((1.2, 1.2, 0.6), 18.0, (3.0, 3.4, 4.0))),
