@@ -254,7 +254,7 @@ def nuclei(stage: Stage):
     scale_bar("20 µm", Matrix.Translation(stage.at(-0.3, -0.56, 0.01)), bar, 0.035 * stage.size, white)
     camera = stage.camera((0.42, -1.25, 1.3), lens=43.0, aim=(-0.02, -0.1, 0.0))
     bpy.context.view_layer.update()
-    _name(stage, camera, "Dividing nucleus", (-22.4, -6.7, 1.7), (-0.27, 0.2), white)
+    _name(stage, camera, "Dividing cell", (-22.4, -6.7, 1.7), (-0.27, 0.2), white)
     stage.without_background(12)
     stage.key(4.0, (-1.3, 0.3, 0.9))
     stage.area("Rim", 40.0, (1.4, 1.2, 0.9), COLD)
