@@ -20,7 +20,7 @@ DEFECT = Vector((12.0, 14.0, 12.0))  # half the sides of the hole below the plat
 CELL, COLUMNS, ROWS = 5.8, 9, 9  # of the plate: mm from hole to hole; holes
 SOLID = 250.0  # HU: between air and the plastic of the skull, 700 HU
 WINDOW = 400.0, 1200.0  # HU, level and width
-SHIFT = -100.0  # HU: thin walls are less dense
+SHIFT = -140.0  # HU: thin walls are less dense
 THICKNESS = 0.05  # mm that have the opacity of the curve: light through a clear wall would show the layers of 1 mm
 
 
@@ -150,7 +150,7 @@ def skull(stage: Stage):
     bpy.ops.rle_splat.gray_values_on_cut()
     ours.slices_follow_window, ours.slices_clear_black = False, True
     ours.slice_center, ours.slice_width = WINDOW
-    ours.shift_by, ours.opacity_unit_distance, ours.smoothness = SHIFT, THICKNESS, 2.0
+    ours.shift_by, ours.opacity_unit_distance, ours.smoothness = SHIFT, THICKNESS, 1.2
     white = emission("Letters", (0.85, 0.87, 0.9))
     floor = stage.low.z - 4.0 * MM  # below the scan, whose air is not quite empty
     upright = Matrix.Rotation(math.radians(22.0), 4, "Z") @ Matrix.Rotation(math.radians(90.0), 4, "X")  # to the camera
@@ -162,13 +162,13 @@ def skull(stage: Stage):
     toward = (0.8, -1.95, 0.85)
     stage.camera(toward, lens=66.0, aim=(0.03, -0.08, -0.085))
     stage.sweep(toward, stage.foot - 5.0 * MM / stage.size, (0.06, 0.066, 0.078))
-    stage.lamp("Key", "SUN", 2.5, (-0.9, -1.0, 1.5), WARM, angle=math.radians(5.0))
+    stage.lamp("Key", "SUN", 2.0, (-0.9, -1.0, 1.5), WARM, angle=math.radians(5.0))
     stage.area("Rim", 45.0, (1.7, 1.1, 0.9), COLD, use_shadow=True)
     stage.area("Fill", 18.0, (0.9, -1.7, 1.5), WARM)  # for relief in the shade
     softbox_world(
         ((0.02, 0.02, 0.022), (0.05, 0.055, 0.065), (0.25, 0.27, 0.3)),
         (((1.6, -1.3, 0.8), 22.0, (3.0, 2.8, 2.6)), ((-1.6, -0.9, 0.6), 18.0, (1.2, 1.3, 1.5))),
-        0.2,
+        0.55,
     )
     stage.settings.ambient_occlusion, stage.settings.quality = 0.8, "strict"
     view_transform("Standard")
