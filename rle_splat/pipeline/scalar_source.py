@@ -252,17 +252,8 @@ class ScalarSource(Source):
         thinned = self.scene.transfer_function.gradient_opacity is not None
         if cells is not None:
             by_labels = self._labels.reach(volume)
-        tables = PlannedTables(
-            0,
-            work.axes,
-            lit,
-            shadows,
-            labeled,
-            thinned,
-            len(channels),
-            cells is not None,
-            bool(self.quality.exact_light),
-        )
+        exact = bool(self.quality.exact_light)
+        tables = PlannedTables(0, work.axes, lit, shadows, labeled, thinned, len(channels), cells is not None, exact)
 
         def estimate_for(found: VoxelCount) -> MemoryEstimate:
             return estimate_tables(found, tables, work.picture)

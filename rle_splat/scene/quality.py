@@ -179,7 +179,7 @@ def midpoints_of(depth_rule: str) -> int | None:
 class Quality:
     """Settings that trade time for accuracy. Most programs need ``Quality.preset`` alone.
 
-    The command line has options of the same names. ``depth_rule``, ``sheet_density``, ``warp_filter``, ``termination``
+    The command line has options of the same names. ``depth_rule``, ``sheet_density``, ``warp_filter``, ``termination``,
     ``rays`` and ``exact_light`` that are None take their value from the preset ``name``, or, where there is none of
     this name, from "standard".
 

@@ -22,7 +22,7 @@ held: list = []  # not empty while label files take forever
 
 def count_reads():
     for name, function in (("volumes.volumes", "file_steps"), ("volumes.labels", "read_label_steps")):
-        original = getattr(module(name), function)
+        original = getattr(module(f"bridge.{name}"), function)
 
         def counted(*given, original=original, function=function, **more):
             reads[function] += 1
@@ -30,7 +30,7 @@ def count_reads():
                 yield module("rle_splat.runtime.steps").Progress(0.5, "reading labels")
             return (yield from original(*given, **more))
 
-        setattr(module(name), function, counted)
+        setattr(module(f"bridge.{name}"), function, counted)
 
 
 def write_labels(name, side, split):
