@@ -42,9 +42,11 @@ class ScaleBar:
 
 @dataclass(eq=False)
 class PageDraft:
-    """A page in the making: the figure, its measures in mm, the items so far, and sentences for the report."""
+    """A page in the making: the figure, how far surfaces of its panels are smoothed for light, its measures in mm, the
+    items so far, and sentences for the report."""
 
     figure: Figure
+    smoothed: list = field(default_factory=list)
     items: list = field(default_factory=list)
     remarks: list = field(default_factory=list)
 
@@ -72,13 +74,15 @@ class PageDraft:
             self.remarks.append(sentence)
 
 
-def lay_out(figure: Figure, pictures: list) -> tuple[Page, list[str]]:
+def lay_out(figure: Figure, pictures: list, smoothed: list) -> tuple[Page, list[str]]:
     """Place the pictures of a figure on a page, with everything that explains them.
 
     Parameters
     ----------
     pictures : list of (H, W, 4) ndarray of float32
         Of its panels; scene-linear, premultiplied.
+    smoothed : list of float
+        How far the surfaces of each are smoothed for light, in the volume's unit of length.
 
     Returns
     -------
@@ -91,7 +95,7 @@ def lay_out(figure: Figure, pictures: list) -> tuple[Page, list[str]]:
     RleSplatError
         If something that was asked for cannot be shown.
     """
-    draft = PageDraft(figure)
+    draft = PageDraft(figure, smoothed)
     check_labels(figure, draft)
     bars = [scale_bar(panel.scene, draft) for panel in figure.panels]
     if len(bars) > 1 and bars[0] is not None and all(map(bars[0].is_like, bars)):
@@ -318,6 +322,9 @@ def automatic_caption(draft: PageDraft) -> str:
     hidden = _hidden_words(first)
     if hidden:
         sentences.append(f"Hidden: {hidden}.")
+    smoothed = sorted({f"{length:.3g}{NO_BREAK}{first.volume.unit}" for length in draft.smoothed if length})
+    if smoothed:
+        sentences.append(f"Surfaces smoothed by {' and '.join(smoothed)} for light.")
     kinds = {"ORTHO": "Orthographic", "PERSP": "Perspective"}
     found = list(dict.fromkeys(kinds[scene.camera.type] for scene in scenes))
     sentences.append(f"{' and '.join(found)} projection.".capitalize())

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..pipeline.render import render_steps
+from ..pipeline.scalar_light import smoothness_of
 from ..pipeline.stage_cache import StageCache
 from ..runtime.steps import Progress, drain, map_steps
 from ..scene import Quality, QualityName, Rendering, RleSplatError, Scene
@@ -119,8 +120,9 @@ def figure_steps(figure: Figure, qualities, cache: StageCache | None = None):
         renderings.append((yield from _panel_steps(panel.scene, quality, cache, n, count)))
     yield Progress(LAYOUT, "Laying out the figure")
     page, remarks = lay_out(
-        figure, [_shrink(one.rgba, _times(panel.scene)) for one, panel in zip(renderings, figure.panels)]
-    )
+        figure, [_shrink(one.rgba, _times(panel.scene)) for one, panel in zip(renderings, figure.panels)],
+        [_smoothed(panel.scene, one.report) for one, panel in zip(renderings, figure.panels)],
+    )  # fmt: skip
     said = [remark for rendering in renderings for remark in rendering.report["remarks"]]
     return MadeFigure(figure, page, tuple(renderings), tuple(dict.fromkeys((*remarks, *said))))
 
@@ -149,6 +151,12 @@ def _panel_steps(scene, quality: Quality, cache: StageCache, n: int, count: int)
     smooth = scene.antialias and times == 1  # the mean of finer pixels is smooth already
     finer = replace(scene, width=times * scene.width, height=times * scene.height, antialias=smooth)
     return (yield from map_steps(render_steps(finer, quality, cache=cache), show_step))
+
+
+def _smoothed(scene, report: dict) -> float:
+    """How far a picture's surfaces are smoothed for light, in the volume's unit; 0 where they are not."""
+    shaded = any(effect["name"] == "shading" and effect["on"] for effect in report["effects"])
+    return smoothness_of(scene) if shaded and report["plan"]["classification"] == "post" else 0.0
 
 
 def _times(scene) -> int:

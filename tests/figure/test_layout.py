@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from rle_splat.classify.presets import PRESETS, fit_preset, preset
-from rle_splat.classify.transfer_function import TransferFunction
+from rle_splat.classify.transfer_function import Shade, TransferFunction
 from rle_splat.figure.color_bar import bar_range, color_bar
 from rle_splat.figure.directions import cube, edge_letters, view_name
 from rle_splat.figure.framing import frame_steps
@@ -245,6 +245,19 @@ def test_the_caption_calls_no_fitted_preset_modified(drawing, balls, name):
     function, _ = fit_preset(name, volume)
     caption = automatic_caption(PageDraft(Figure((Panel(drawing.scene(volume, function=function)),), drawing.style)))
     assert f"Transfer function {function.name}, mapped to " in caption and "modified" not in caption
+
+
+def test_the_caption_says_how_far_surfaces_are_smoothed(drawing, balls):
+    def caption(quality=None, **shade):
+        style = replace(drawing.style, caption=None)
+        scene = drawing.scene(balls(), style)
+        function = replace(scene.transfer_function, shade=Shade(**shade) if shade else None)
+        page = make_figure(replace(scene, transfer_function=function), quality=quality, style=style, frame=False).page
+        return " ".join(item.text for item in page.items if isinstance(item, Text))
+
+    assert " Surfaces smoothed by 1.5\u00a0mm for light. " in caption(smoothness=1.5)
+    for other in (caption(smoothness=0.0), caption(), caption(Quality(classification="pre"), smoothness=1.5)):
+        assert "moothed" not in other
 
 
 def test_the_caption_counts_what_cuts(drawing):
