@@ -333,13 +333,17 @@ def _save(pictures, across: int, path: Path, quality: int) -> None:
     Image.fromarray(sheet(pictures, across)).save(path, quality=quality)
 
 
-def join(names, programs, path: Path, quality: int) -> None:
-    """Join the pictures that were kept: a row for each subject, a column for each program, seconds above each."""
+def join(names, programs, size: int, path: Path, quality: int) -> None:
+    """Join the pictures that were kept: a row for each subject, a column for each program, seconds above each.
+
+    Pictures that are a whole number of times larger than ``size`` are scaled down, for smooth edges.
+    """
     pictures, table = [], {}
     for name in names:
         table[name] = {}
         for program in programs:
             rgba, seconds = _kept(name, program)
+            rgba = rgba.reshape(size, len(rgba) // size, size, -1, 4).mean(axis=(1, 3))
             shown = _shown(rgba, _kept(name, "ours")[0] if program == "cycles" else None)
             pictures.append((f"{name}: {TITLES[program]}, {seconds:.{1 if seconds < 10.0 else 0}f} s", shown))
             table[name][program] = seconds
@@ -389,7 +393,7 @@ def main() -> None:
     parser.add_argument("--jpeg-quality", type=int, default=80)
     given = parser.parse_args()
     if given.program == "join":
-        join(given.subject, given.column, given.path, given.jpeg_quality)
+        join(given.subject, given.column, given.size, given.path, given.jpeg_quality)
     elif given.program == "crops":
         join_crops(given.column, given.path, given.jpeg_quality)
     elif given.program == "presets":

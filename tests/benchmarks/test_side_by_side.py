@@ -38,11 +38,21 @@ def test_pictures_are_kept_and_joined(small, capsys):
         ours, seconds = kept["rgba"], float(kept["seconds"])
     assert ours.shape == (24, 24, 4) and ours[..., 3].max() > 0.5 and seconds > 0.0
     np.savez(small / "shells-cycles.npz", rgba=ours * (0.25, 0.25, 0.25, 1.0), seconds=60.0)
-    side_by_side.join(["shells"], ["ours", "cycles"], small / "sheet.png", 80)
+    side_by_side.join(["shells"], ["ours", "cycles"], 24, small / "sheet.png", 80)
     sheet = np.asarray(image.open(small / "sheet.png")).astype(int)
     # Cycles' picture is made as bright.
     assert np.abs(sheet[-24:, -24:] - sheet[-24:, :24]).max() <= 1
     assert '"cycles": 60.0' in capsys.readouterr().out
+
+
+def test_larger_pictures_are_scaled_down_in_linear_color(small):
+    image = pytest.importorskip("PIL.Image")
+    pixels = np.zeros((48, 48, 4))
+    pixels[::2, ::2] = 1.0  # a quarter of the light
+    np.savez(small / "shells-ours.npz", rgba=pixels, seconds=1.0)
+    side_by_side.join(["shells"], ["ours"], 24, small / "sheet.png", 80)
+    expected = round(255 * (1.055 * (0.25 + 0.75 * 0.008) ** (1 / 2.4) - 0.055))
+    assert (np.asarray(image.open(small / "sheet.png"))[-24:] == expected).all()
 
 
 def test_crops_are_twice_as_large(small, monkeypatch):
@@ -50,7 +60,7 @@ def test_crops_are_twice_as_large(small, monkeypatch):
     monkeypatch.setattr(side_by_side, "CROP", 12)
     monkeypatch.setattr(side_by_side, "CROPS", {"part": ("shells", 6, 8)})
     side_by_side.draw("ours", ["shells"], 0.0, 24)
-    side_by_side.join(["shells"], ["ours"], small / "whole.png", 80)
+    side_by_side.join(["shells"], ["ours"], 24, small / "whole.png", 80)
     side_by_side.join_crops(["ours"], small / "crops.png", 80)
     whole, crops = (np.asarray(image.open(small / f"{name}.png"))[-24:] for name in ("whole", "crops"))
     np.testing.assert_array_equal(crops[::2, ::2], whole[8:20, 6:18])
