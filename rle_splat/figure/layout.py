@@ -116,10 +116,7 @@ def check_labels(figure: Figure, draft: PageDraft | None = None) -> None:
     if not unknown or figure.style.sides == OFF:
         return
     if figure.style.sides != AUTO:
-        raise RleSplatError(
-            f'{NO_SIDES}; say it by Orientation or --orientation (in Python, space="patient"), or turn the letters of '
-            "the figure off."
-        )
+        raise RleSplatError(f"{NO_SIDES}; state the orientation of the volume, or turn the letters of the figure off.")
     if draft is not None:
         draft.remark(f"{NO_SIDES}, so the figure has no letters.")
 
