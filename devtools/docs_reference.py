@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import ast
 import re
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache
 from importlib import import_module
@@ -133,14 +134,15 @@ class Declared:
 def _namespace(path: Path) -> dict:
     """What a module of the extension assigns and the functions it defines, as far as that works without Blender."""
     names: dict = {"__name__": path.stem}
+    needs_blender = suppress(NameError, ImportError, AttributeError, KeyError)
     for node in docs_panels.module(path).body:
-        try:
-            if isinstance(node, ast.ImportFrom) and node.level:
-                names |= {one.asname or one.name: _imported(path, node, one.name) for one in node.names}
-            elif isinstance(node, (ast.Assign, ast.FunctionDef, ast.ImportFrom, ast.Import)):
+        if isinstance(node, ast.ImportFrom) and node.level:
+            for one in node.names:
+                with needs_blender:
+                    names[one.asname or one.name] = _imported(path, node, one.name)
+        elif isinstance(node, (ast.Assign, ast.FunctionDef, ast.ImportFrom, ast.Import)):
+            with needs_blender:
                 exec(compile(ast.Module([node], []), str(path), "exec"), names)
-        except (NameError, ImportError, AttributeError, KeyError):
-            pass  # it needs Blender
     return names
 
 
@@ -173,6 +175,9 @@ def _property(call: ast.Call, names: dict, *, is_set_by_scripts: bool) -> dict |
     items = given.get("items")
     kind = ast.unparse(call.func).rpartition(".")[2].removesuffix("Property")
     kind = kind.removeprefix("Live").removeprefix("Knob").lower()
+    if kind.endswith("vector"):
+        given["size"] = given.get("size", 3)  # Blender's own default
+        kind = f"{kind.removesuffix('vector')} ({given['size']})"
     return {
         "kind": kind, "name": given.get("name") or "", "description": given.get("description") or "",
         "choices": [item[:3] for item in items] if isinstance(items, (list, tuple)) else [],
@@ -184,14 +189,17 @@ def _default(kind: str, given: dict) -> str:
     """What a property is until somebody sets it; "" for a computed or an empty one."""
     if UNSET in given.get("description", ""):
         return "unset"
-    plain = {"bool": False, "int": 0, "float": 0.0}.get(kind.removesuffix("vector"))
+    plain = {"bool": False, "int": 0, "float": 0.0}.get(kind.partition(" ")[0])
+    if "size" in given:
+        plain = (plain,) * given["size"]
     if kind == "enum" and isinstance(given.get("items"), (list, tuple)):
         plain = given["items"][0][0]
     value = given.get("default", plain)
     if value in (None, "") or None in given or "get" in given:  # None: by ``**``, which gives getter and setter
         return ""
-    values = value if isinstance(value, (tuple, list)) else [value]
-    return ", ".join(f"`{one:g}`" if isinstance(one, float) else f"`{one}`" for one in values)
+    is_vector = isinstance(value, (tuple, list))
+    text = ", ".join(f"{one:g}" if isinstance(one, float) else str(one) for one in (value if is_vector else [value]))
+    return f"`({text})`" if is_vector else f"`{text}`"
 
 
 def _range(given: dict) -> str:
@@ -266,6 +274,15 @@ def _meaning(entry: dict, script: bool = False) -> str:
     return f"{sentence(entry['description'])}{LINE if separator == LINE else ' '}{choices}".strip()
 
 
+def _property_table(properties: dict[str, dict]) -> str:
+    """The properties of an operator or of a group of settings, by the names that scripts use."""
+    rows = [
+        (f"`{name}`", entry["name"], entry["kind"], entry["default"], entry["range"], _meaning(entry, True))
+        for name, entry in properties.items()
+    ]
+    return table(("property", "label", "type", "default", "range", "what it does"), rows)
+
+
 def operators() -> str:
     """Every operator with its tooltip and its properties."""
     parts = []
@@ -277,9 +294,7 @@ def operators() -> str:
             properties = {name: entry for name, entry in properties.items()
                           if name not in blender_classes()["SourceOptions"].properties}  # fmt: skip
             parts.append("Also how the file is read: `shape` to `modality` of [Import Volume](#import-volume).")
-        rows = [(f"`{name}`", entry["name"], entry["default"], entry["range"], _meaning(entry, True))
-                for name, entry in properties.items()]  # fmt: skip
-        parts += [table(("property", "label", "default", "range", "what it does"), rows)] if rows else []
+        parts += [_property_table(properties)] if properties else []
     return "\n\n".join(parts)
 
 
@@ -354,14 +369,9 @@ def _where(one: Declared) -> str:
 
 def settings() -> str:
     """What a .blend and the preferences hold, by the names that scripts use."""
-    parts = []
-    for group, path in GROUPS.items():
-        rows = [
-            (f"`{name}`", entry["name"], entry["kind"], entry["default"], entry["range"], _meaning(entry, True))
-            for name, entry in _properties(blender_classes()[group]).items()
-        ]
-        parts += [f"## `{path}`", table(("property", "label", "type", "default", "range", "what it is"), rows)]
-    return "\n\n".join(parts)
+    return "\n\n".join(
+        f"## `{path}`\n\n{_property_table(_properties(blender_classes()[group]))}" for group, path in GROUPS.items()
+    )
 
 
 def licenses() -> str:

@@ -76,7 +76,7 @@ SHADED = 0.9  # the part of the slice that is lit
 def _lay_slice(stage: Stage):
     """An axial slice as the ground, with a window of its own, that takes shadows."""
     bpy.context.view_layer.objects.active = stage.volume
-    bpy.ops.rle_splat.add_slice(kind="axial")
+    bpy.ops.rle_splat.add_slice(kind="AXIAL")
     made = bpy.context.view_layer.objects.active
     made.matrix_world = Matrix.Translation((0.0, 0.0, stage.middle.z + PLATE * MM
                                             - made.matrix_world.translation.z)) @ made.matrix_world  # fmt: skip
@@ -244,7 +244,7 @@ def nuclei(stage: Stage):
     bpy.ops.rle_splat.load_transfer_function(filepath=str(stage.folder / "chromatin.json"))
     ours.active_label = next(n for n, row in enumerate(ours.labels) if row.label == BUMPY)
     bpy.ops.rle_splat.change_segment(tool="SMOOTH", length=1.5)
-    bpy.ops.rle_splat.add_slice(kind="axial")
+    bpy.ops.rle_splat.add_slice(kind="AXIAL")
     _let_shade(bpy.context.view_layer.objects.active)
     bpy.context.view_layer.objects.active = stage.volume
     ours.slices_follow_window = False

@@ -12,9 +12,9 @@ from .refusal import has_values, refuses
 
 ALL = "ALL"
 KINDS = (
-    ("axial", "Axial", "Perpendicular to the patient's length; without patient axes, to the volume's z axis"),
-    ("coronal", "Coronal", "Perpendicular to the direction from front to back; without patient axes, to the y axis"),
-    ("sagittal", "Sagittal", "Perpendicular to the direction from right to left; without patient axes, to the x axis"),
+    ("AXIAL", "Axial", "Perpendicular to the patient's length; without patient axes, to the volume's z axis"),
+    ("CORONAL", "Coronal", "Perpendicular to the direction from front to back; without patient axes, to the y axis"),
+    ("SAGITTAL", "Sagittal", "Perpendicular to the direction from right to left; without patient axes, to the x axis"),
     (ALL, "All Three", "One of each"),
 )
 
@@ -56,7 +56,8 @@ class RLE_SPLAT_OT_add_slice(LoadsFirst, bpy.types.Operator):
     def execute(self, context):
         owner = volumes.volume_object(context)
         volume = volumes.load_volume(owner)
-        one = add_slices(context, owner, volume, [kind for kind, *_ in KINDS[:-1] if self.kind in (kind, ALL)])[-1]
+        kinds = [kind.lower() for kind, *_ in KINDS[:-1] if self.kind in (kind, ALL)]
+        one = add_slices(context, owner, volume, kinds)[-1]
         if one.name not in context.view_layer.objects:
             self.report({"WARNING"}, f"{one.name} is in a collection that is excluded from the view layer; include it "
                                      "in the Outliner to see the slice.")  # fmt: skip

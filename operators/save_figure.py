@@ -65,7 +65,7 @@ class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
         name="In Perspective", description="Where the scale bar is true in perspective, in which lengths differ with "
         "depth; written beside the bar",
         items=[("NONE", "No Bar", "Show no scale bar in perspective"),
-               ("CENTER", "At the Volume's Middle", "The scale bar is true at the distance of the volume's "
+               (CENTER, "At the Volume's Middle", "The scale bar is true at the distance of the volume's "
                 "middle")])  # fmt: skip
     color_bar: BoolProperty(name="Color Bar", description="Show colors and opacity over the values", default=True)
     names: BoolProperty(
@@ -161,7 +161,7 @@ class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
             width_cm=typed(self.width_cm), dpi=typed(self.dpi), font_size=typed(self.font_size),
             background=self.background, sides=self.sides, color_bar=self.color_bar,
             caption=(self.caption or None) if self.use_caption else "", scale_bar=length if self.scale_bar else OFF,
-            scale_depth=CENTER if self.scale_depth == "CENTER" else None,
+            scale_depth=None if self.scale_depth == "NONE" else CENTER,
         )  # fmt: skip
 
     def commit(self, _context, made):

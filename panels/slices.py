@@ -25,7 +25,7 @@ class RLE_SPLAT_PT_slices(Sidebar, bpy.types.Panel):
         layout = self.layout
         row = layout.row(align=True)
         for kind in ("axial", "coronal", "sagittal"):
-            row.operator("rle_splat.add_slice", text=kind.title()).kind = kind
+            row.operator("rle_splat.add_slice", text=kind.title()).kind = kind.upper()
         is_quad = context.space_data is not None and len(getattr(context.space_data, "region_quadviews", ()))
         layout.operator("rle_splat.four_up_view", icon="MESH_GRID", depress=bool(is_quad))
         found = [one for one in slices.slice_objects(context.scene) if not slices.is_on_cut(one)]

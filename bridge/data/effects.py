@@ -20,12 +20,12 @@ TEXTS = {name: kind.text for name, kind in EFFECTS.items()} | {
 }
 # The effects that panels call something else than their names in Title Case.
 PANEL_NAMES = {"clip objects": "Cutting Objects", "indirect light": "Scattering"}
-AUTO = "AUTO"
-STATES = {AUTO: None, "ON": True, "OFF": False}
+AUTO = "auto"
+STATES = {AUTO: None, "on": True, "off": False}
 STATE_ITEMS = [
     (AUTO, "Auto", "Use the effect if the scene needs it"),
-    ("ON", "On", "Always use the effect. Rendering ends with an error if the scene lacks what the effect needs"),
-    ("OFF", "Off", "Never use the effect. It then takes no time"),
+    ("on", "On", "Always use the effect. Rendering ends with an error if the scene lacks what the effect needs"),
+    ("off", "Off", "Never use the effect. It then takes no time"),
 ]
 
 

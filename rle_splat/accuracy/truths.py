@@ -28,7 +28,7 @@ def check_shown(scene: Scene, truth_name: str) -> None:
         raise RleSplatError("There is no reference of a scene in mist; turn the mist off to measure the rest.")
     if scene.transfer_function.gradient_opacity is not None:
         raise RleSplatError(
-            "There is no reference of a transfer function with a gradient_opacity; take it out to measure the rest."
+            "There is no reference of a transfer function with gradient opacity; take it out to measure the rest."
         )
 
 

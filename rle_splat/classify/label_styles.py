@@ -130,8 +130,8 @@ def default_styles(labels) -> tuple[LabelStyle, ...]:
     numbers = drain(value_steps(labels))
     if len(numbers) > MOST_LABELS:
         raise RleSplatError(
-            f"The label map {labels.name} has more than {MOST_LABELS} different values; choose another file, or say "
-            "how its labels look (styles in Python, or --label-functions)."
+            f"The label map {labels.name} has more than {MOST_LABELS} different values; choose another file, or give "
+            "the styles of its labels."
         )
     return tuple(
         LabelStyle(int(n), hidden=bool(n == BACKGROUND), color=distinct_color(int(n)), solid=True) for n in numbers

@@ -7,9 +7,10 @@ from pathlib import Path
 from ..classify.presets import PRESETS, preset
 from ..figure.directions import view_name
 from ..figure.names import names_of
-from ..figure.plan import AUTO, BACKGROUNDS, CENTER, OFF, SIDES, FigureStyle, Panel
+from ..figure.plan import AUTO, CENTER, OFF, SIDES, FigureStyle, Panel
 from ..scene import RleSplatError
 from .appearance import choose_transfer_function
+from .options import BACKGROUND, background
 from .viewing import TURNTABLE_DEFAULTS
 
 DEFAULT = FigureStyle()
@@ -30,8 +31,8 @@ def add_figure_options(parser) -> None:
     page.add_argument("--columns", type=int, default=DEFAULT.columns, metavar="N",
                       help="pictures side by side (default: as many as rows, or one more)")  # fmt: skip
     page.add_argument(
-        "--background", default=DEFAULT.background, metavar="|".join(BACKGROUNDS),
-        help=f"of the figure (default {DEFAULT.background})")  # fmt: skip
+        "--background", type=background, default=DEFAULT.background, metavar=BACKGROUND,
+        help=f"of the figure (default {DEFAULT.background}); numbers are scene-linear")  # fmt: skip
     page.add_argument(
         "--font-size", type=float, default=DEFAULT.font_size, metavar="PT",
         help=f"size of the lettering in points (default {DEFAULT.font_size:g})")  # fmt: skip

@@ -8,7 +8,6 @@ Every writer takes
 - ``background``: three scene-linear numbers, or None.
 """
 
-from collections.abc import Sequence
 from functools import partial
 from importlib.util import find_spec
 from os import PathLike
@@ -16,8 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ..scene import Environment, Rendering, RleSplatError
-from ..scene.checks import as_color, check_first
+from ..scene import Background, Environment, Rendering, RleSplatError, as_background
+from ..scene.checks import check_first
 from ..shade.environment import panorama_moments
 from .rows import ROW_WRITERS
 
@@ -66,7 +65,7 @@ def _read_exr(path) -> np.ndarray:
     return colors
 
 
-def write_picture(rendering: Rendering, path: str | PathLike, background: Sequence[float] | None = None) -> None:
+def write_picture(rendering: Rendering, path: str | PathLike, background: Background = "transparent") -> None:
     """Write a picture to a file.
 
     Parameters
@@ -76,8 +75,8 @@ def write_picture(rendering: Rendering, path: str | PathLike, background: Sequen
     path : str or Path
         Its suffix is that of a format: .png (8 bits, sRGB), .tif (16 bits, sRGB), .exr (float32, scene-linear, with the
         layer ``Depth.Z``; needs the package OpenEXR) or .npy (float32, scene-linear).
-    background : (3,) sequence of float, optional
-        Scene-linear RGB below the picture in PNG and TIFF; without it, the picture keeps its alpha.
+    background : {"white", "black", "transparent"} or (3,) sequence of float
+        Below the picture in PNG and TIFF; a color is scene-linear RGB. A transparent picture keeps its alpha.
 
     Raises
     ------
@@ -85,8 +84,7 @@ def write_picture(rendering: Rendering, path: str | PathLike, background: Sequen
         If the suffix is unknown, OpenEXR is missing or the background is no color.
     """
     check_first(rendering, Rendering, "write_picture(rendering, path)")
-    background = background if background is None else as_color(background, "The background")
-    writer_for(path)(path, rendering.rgba, rendering.depth, background)
+    writer_for(path)(path, rendering.rgba, rendering.depth, as_background(background))
 
 
 def writer_for(path):

@@ -1,16 +1,15 @@
 """Option groups that several commands share, and the plain data made from them."""
 
 import argparse
-import math
 import re
 from dataclasses import asdict
 
 from ..accuracy.planner.candidates import check_tolerance
 from ..classify.presets import PRESETS
-from ..figure.plan import BACKGROUNDS
 from ..read.formats import suffixes
 from ..read.layout import BYTE_ORDERS
 from ..scene import (
+    BACKGROUNDS,
     CLASSIFICATIONS,
     DEFAULT_CLASSIFICATION,
     DEFAULT_QUALITY,
@@ -26,6 +25,7 @@ from ..scene import (
     WARP_FILTERS,
     Quality,
     RleSplatError,
+    as_background,
     not_in_post,
     without_removed,
 )
@@ -46,6 +46,7 @@ KNOBS = {
 }
 BESIDE = "classification"  # the knob that may be combined with --quality and --tolerance
 DEFAULT_SIZE = (512, 512)  # width and height in pixels
+BACKGROUND = "|".join(("R G B", *BACKGROUNDS))  # the words of --background
 CUSTOM_QUALITY = "custom"  # the name of a quality made from knobs, in reports
 
 EFFECT_STATES = {"on": True, "off": False, "auto": None}
@@ -277,7 +278,7 @@ def add_image_options(parser) -> None:
         help="render a part only, in pixels from the top left; RIGHT and BOTTOM are not included",
     )  # fmt: skip
     parser.add_argument(
-        "--background", type=background_color, metavar="|".join(("R G B", *BACKGROUNDS)),
+        "--background", type=lambda text: as_background(background(text)), metavar=BACKGROUND,
         help="behind the picture in a .png (default transparent); scene-linear, or with straight alpha",
     )  # fmt: skip
 
@@ -428,19 +429,10 @@ def memory_size(text: str) -> int:
     return round(float(found[1]) * 1024 ** (1 + "KMGT".index(found[2].upper())))
 
 
-def background_color(text: str) -> tuple[float, ...] | None:
-    """Scene-linear RGB from a name or ``R,G,B``; None is transparent."""
-    if text in BACKGROUNDS:
-        return BACKGROUNDS[text]
-    try:
-        color = tuple(float(part) for part in text.split(","))
-    except ValueError:
-        color = ()
-    if len(color) != 3 or not all(0.0 <= part < math.inf for part in color):
-        raise argparse.ArgumentTypeError(
-            f"{text!r} is not {', '.join(BACKGROUNDS)} or three finite numbers that are not below zero"
-        )
-    return color
+def background(text: str) -> str | tuple | None:
+    """A name, or scene-linear RGB from ``R,G,B``."""
+    color = as_background(text.split(",") if "," in text else text)
+    return text if text in BACKGROUNDS else color
 
 
 def image_size(text: str) -> tuple[int, int]:

@@ -171,8 +171,8 @@ def analyze_effects(scene: Scene, quality: Quality) -> tuple[EffectSet, Scene]:
             reason = reason if on else scene.reasons_off.get(name, reason)
             if by_hand and not on and not kind.may_be_idle:
                 raise RleSplatError(
-                    f"The effect {name} is turned on by hand, but {reason}; set it to Auto, or add what it needs to "
-                    "the scene."
+                    f"The effect {name} is turned on by hand, but {reason}; leave it automatic, or add what it "
+                    "needs to the scene."
                 )
             effect = Effect(name, on or bool(by_hand), f"by hand: {reason}" if by_hand else reason, by_hand)
         if not effect.on and (by_hand is False or not kind.may_be_idle):

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..classify.presets import PRESETS, preset
 from ..effects.ray_mode import OF_VALUES
-from ..scene import RleSplatError, Scene
+from ..scene import RleSplatError, Scene, as_background
 from ..segment.body import NAMES
 from ..segment.label_map import BACKGROUND
 from . import scale
@@ -16,7 +16,7 @@ from .directions import NO_BREAK, WORDS, cube, edge_letters, knows_sides, letter
 from .lettering import check_text, text_width, wrap
 from .names import name_items
 from .page import MM_PER_POINT, Fill, Page, Text, Tile
-from .plan import AUTO, BACKGROUNDS, GUTTER, MARGIN, OFF, Figure, Panel
+from .plan import AUTO, GUTTER, MARGIN, OFF, Figure, Panel
 
 LABELS = "abcdefghijklmnopqrstuvwxyz"
 BODY_NAMES = {one.label: one.name for one in NAMES}  # those that Hide Table gives
@@ -25,6 +25,8 @@ BAR = 0.7  # mm: thickness of a scale bar
 WIDEST_BAR = 85.0  # mm: a color bar for the whole figure
 ALIKE = 1e-4  # share of a range up to which Blender's numbers of 32 bits count as those of a preset
 CUBE = 2.8  # font sizes: an edge of the cube
+LUMINANCE = (0.2126, 0.7152, 0.0722)  # of scene-linear RGB
+DARK = 0.179  # luminance below which white lettering has more contrast than black (WCAG 2: (L + 0.05)^2 = 0.05 * 1.05)
 NO_SIDES = "It is not known where the patient's sides are"
 
 
@@ -54,9 +56,10 @@ class PageDraft:
         style = self.figure.style
         self.per_mm = style.pixels_per_mm
         self.size = style.font_size * MM_PER_POINT
-        self.background = BACKGROUNDS[style.background]
-        self.ink = (1.0, 1.0, 1.0) if style.background == "black" else (0.0, 0.0, 0.0)
+        self.background = as_background(style.background)
         self.paper = self.background or (1.0, 1.0, 1.0)
+        is_dark = np.dot(self.paper, LUMINANCE) < DARK
+        self.ink = (1.0, 1.0, 1.0) if is_dark else (0.0, 0.0, 0.0)
         self.halo = None if self.background is None else self.paper
         first = self.figure.panels[0].scene
         self.tile = first.width / self.per_mm, first.height / self.per_mm
@@ -117,10 +120,7 @@ def check_labels(figure: Figure, draft: PageDraft | None = None) -> None:
     if not unknown or figure.style.sides == OFF:
         return
     if figure.style.sides != AUTO:
-        raise RleSplatError(
-            f'{NO_SIDES}; say it by Orientation or --orientation (in Python, space="patient"), or turn the letters of '
-            "the figure off."
-        )
+        raise RleSplatError(f"{NO_SIDES}; state the orientation of the volume, or turn the letters of the figure off.")
     if draft is not None:
         draft.remark(f"{NO_SIDES}, so the figure has no letters.")
 

@@ -5,15 +5,12 @@ from dataclasses import dataclass, field
 from reprlib import repr as short
 from typing import Literal, get_args
 
-from ..scene import RleSplatError, Scene, as_float
+from ..scene import Background, RleSplatError, Scene, as_background, as_float
 from ..scene.checks import is_finite_number
 from .lettering import check_text
 from .page import MM_PER_INCH
 
-Background = Literal["white", "black", "transparent"]
 Sides = Literal["auto", "letters", "cube", "off"]
-# Name -> scene-linear RGB; None is transparent.
-BACKGROUNDS: dict[Background, tuple | None] = {"white": (1.0, 1.0, 1.0), "black": (0.0, 0.0, 0.0), "transparent": None}
 SIDES = get_args(Sides)
 AUTO, OFF, CENTER = "auto", "off", "center"
 CM_TO_MM = 10.0
@@ -35,8 +32,8 @@ class FigureStyle:
         Pixels per inch.
     columns : int
         Panels side by side; 0 chooses.
-    background : {"white", "black", "transparent"}
-        Lettering is white on black, else black.
+    background : {"white", "black", "transparent"} or (3,) sequence of float
+        Color of the page, by name or as scene-linear RGB. Lettering is white on dark colors, else black.
     font_size : float
         Points.
     aspect : float or None
@@ -79,11 +76,11 @@ class FigureStyle:
             raise RleSplatError(
                 f"The figure's columns must be a whole number from 0 to 100, not {short(self.columns)}."
             )
-        for name, choices in (("background", BACKGROUNDS), ("sides", SIDES)):
-            if getattr(self, name) not in choices:
-                raise RleSplatError(
-                    f"The figure's {name} must be {', '.join(choices)}, not {short(getattr(self, name))}."
-                )
+        background = as_background(self.background, "The figure's background")
+        if not isinstance(self.background, str):
+            object.__setattr__(self, "background", background)
+        if self.sides not in SIDES:
+            raise RleSplatError(f"The figure's sides must be {', '.join(SIDES)}, not {short(self.sides)}.")
         _check_length(self.scale_bar, (AUTO, OFF), "scale bar")
         if self.scale_depth is not None:
             _check_length(self.scale_depth, (CENTER,), "scale depth")

@@ -166,7 +166,7 @@ def read_sidecar(path) -> Sidecar:
     """
     content = read_json(path, "the sidecar")
     if not isinstance(content, dict) or content.get("format") != FORMAT:
-        raise RleSplatError(f"{path} is not the sidecar of a figure; give a file that the figure command has written.")
+        raise RleSplatError(f"{path} is not the sidecar of a figure; give one that was written beside a figure.")
     if content.get("version") != VERSION:
         raise RleSplatError(
             f"The sidecar {path} has version {content.get('version')!r}, and this program reads version {VERSION}; use "

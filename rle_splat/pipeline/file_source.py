@@ -49,8 +49,7 @@ class FileSource(Source):
         stored = self.scene.volume
         if self.quality.model != stored.model:
             raise RleSplatError(
-                f"This .rle file holds the {stored.model} model; render it with that one (--model "
-                f"{stored.model}), or encode it again."
+                f"This .rle file holds the {stored.model} model; render it with that one, or encode it again."
             )
         yield from ()
         return self

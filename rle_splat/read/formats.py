@@ -185,7 +185,7 @@ def _number(path: Path) -> Sequence:
     if found is None:
         raise RleSplatError(
             f"{path.name} holds one volume, and no other file differs from it in a number alone, so there is no time "
-            "point to choose (Time Point, or --frame)."
+            "point to choose."
         )
     return found
 

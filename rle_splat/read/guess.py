@@ -412,9 +412,8 @@ def layout_steps(path: str | Path, shape=None, dtype=None, byte_order=None, head
     if not guess.certain:
         fits = "; or ".join(str(candidate) for candidate in guess.candidates[:4])
         raise RleSplatError(
-            f"The shape and type of {Path(path).name} are not certain; give both (Shape and Type, or "
-            f"--shape NX NY NZ and --dtype; a type is one of {', '.join(STORED_TYPES)})"
-            + (f"; its size would fit {fits}." if fits else ".")
+            f"The shape and type of {Path(path).name} are not certain; give its shape, the voxels along x, y and z, "
+            f"and its type, one of {', '.join(STORED_TYPES)}" + (f"; its size would fit {fits}." if fits else ".")
         )
     layout = RawLayout(guess.shape, guess.dtype, guess.byte_order, guess.header_bytes)
     remarks = (f"Shape and type were guessed: {layout}, {layout.byte_order}-endian. " + " ".join(guess.reasons),)

@@ -65,7 +65,7 @@ def check_frame(path, frame: int | None, frames: int) -> int:
         return 1
     if not 1 <= frame <= frames:
         there = "one volume only" if frames == 1 else f"{frames} volumes; choose one from 1 to {frames}"
-        raise RleSplatError(f"There is no volume {frame} (Time Point, or --frame): {Path(path).name} has {there}.")
+        raise RleSplatError(f"There is no volume {frame}: {Path(path).name} has {there}.")
     return int(frame)
 
 

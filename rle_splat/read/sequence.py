@@ -54,7 +54,7 @@ class Sequence:
         """The file of a frame, from 1; RleSplatError if there is none."""
         if not 1 <= frame <= self.count:
             raise RleSplatError(
-                f"There is no time point {frame} (--frame): {self.first.name} is the first of {self.count} files; "
+                f"There is no time point {frame}: {self.first.name} is the first of {self.count} files; "
                 f"choose one from 1 to {self.count}."
             )
         number = min(self.files) + (frame - 1) * self.step

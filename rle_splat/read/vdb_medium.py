@@ -69,9 +69,7 @@ class MediumFile:
             for grid in (self._density, self._emission):
                 grid.transform = self._openvdb.createLinearTransform(np.transpose(matrix).tolist())  # of row vectors
         except ArithmeticError:
-            raise RleSplatError(
-                "The volume is too small in the scene for OpenVDB; raise Scene Scale in the panel File."
-            ) from None
+            raise RleSplatError("The volume is too small in the scene for OpenVDB; raise the scene scale.") from None
         path = Path(path)
         try:
             path.parent.mkdir(parents=True, exist_ok=True)

@@ -5,7 +5,18 @@ Matrices are (4, 4) float64 for column vectors: ``matrix @ (x, y, z, 1)``.
 """
 
 from .camera import SENSOR_FITS, Camera
-from .checks import LARGEST_LENGTH, LEAST_LENGTH, as_color, as_float, as_matrix, from_mapping, read_json
+from .checks import (
+    BACKGROUNDS,
+    LARGEST_LENGTH,
+    LEAST_LENGTH,
+    Background,
+    as_background,
+    as_color,
+    as_float,
+    as_matrix,
+    from_mapping,
+    read_json,
+)
 from .clip import CLIP_KINDS, Clip
 from .environment import Environment
 from .errors import Cancelled, RleSplatError, TooLargeError

@@ -2,9 +2,11 @@
 
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
 from reprlib import repr as short
+from typing import Literal
 
 import numpy as np
 
@@ -15,6 +17,9 @@ LARGEST_ENTRY = 1e100
 # Range of camera lengths, in any unit, and of shares of the picture; far beyond any sensible setting.
 LEAST_LENGTH, LARGEST_LENGTH = 1e-50, 1e50
 LARGEST_SHARE = 1e6
+# Name -> scene-linear RGB; None is transparent.
+BACKGROUNDS = {"white": (1.0, 1.0, 1.0), "black": (0.0, 0.0, 0.0), "transparent": None}
+Background = Literal["white", "black", "transparent"] | Sequence[float]
 
 
 def check_first(value, kind: type, call: str) -> None:
@@ -90,6 +95,19 @@ def as_color(value, name: str) -> tuple:
     if len(color) != 3 or not np.isfinite(color).all() or min(color) < 0.0:
         raise RleSplatError(f"{name} must be three finite numbers, none below zero.")
     return color
+
+
+def as_background(value, name: str = "The background") -> tuple | None:
+    """Scene-linear RGB of one of BACKGROUNDS or of a color; None is transparent. ``name`` is for the error message."""
+    if isinstance(value, str) and value in BACKGROUNDS:
+        return BACKGROUNDS[value]
+    try:
+        return as_color(None if isinstance(value, str) else value, name)
+    except RleSplatError:
+        names = ", ".join(BACKGROUNDS)
+        raise RleSplatError(
+            f"{name} must be {names} or three finite numbers, none below zero, not {short(value)}."
+        ) from None
 
 
 def from_mapping(cls, mapping, what: str):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from reprlib import repr as short
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from .camera import Camera
-from .checks import as_color, as_matrix, identity, is_finite_number, positive, refuse_array
+from .checks import Background, as_background, as_color, as_matrix, identity, is_finite_number, positive, refuse_array
 from .clip import Clip
 from .display import to_bytes
 from .environment import Environment
@@ -303,20 +302,20 @@ class Rendering:
     depth: np.ndarray
     report: dict
 
-    def to_srgb(self, background: Sequence[float] | None = None) -> np.ndarray:
+    def to_srgb(self, background: Background = "transparent") -> np.ndarray:
         """The pixels for display, such as for Pillow or matplotlib.
 
         Parameters
         ----------
-        background : (3,) sequence of float, optional
-            Scene-linear RGB below the picture.
+        background : {"white", "black", "transparent"} or (3,) sequence of float
+            Below the picture; a color is scene-linear RGB.
 
         Returns
         -------
         ndarray of uint8
-            In sRGB: (H, W, 3) over the background, or without one (H, W, 4) with straight alpha.
+            In sRGB: (H, W, 3) over the background, or (H, W, 4) with straight alpha if it is transparent.
         """
-        return to_bytes(self.rgba, background if background is None else as_color(background, "The background"))
+        return to_bytes(self.rgba, as_background(background))
 
     def _repr_png_(self) -> bytes:
         """The picture in a notebook, transparent where nothing is."""

@@ -125,7 +125,7 @@ def body_steps(volume: Volume):
     body = next(one for one, size in zip(bodies, sizes) if size >= ENOUGH * max(sizes))
     if not body.any() or np.count_nonzero(~body) < LEAST_AIR * body.size:
         raise RleSplatError(
-            "No body with air around it was found in the scan; use Threshold to Segment with values of your own."
+            "No body with air around it was found in the scan; make a segment of a range of values instead."
         )
     body = _fill_sides(body | _short_parts(tissue & ~body, body, scale * SHORT / coarse.spacing[::-1]), _across(coarse))
     grown = yield from rescale(grow_steps(body, coarse.spacing, scale * VOXEL), FOUND, 1.0)

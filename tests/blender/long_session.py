@@ -66,7 +66,7 @@ def go_round(number: int, folder: Path) -> None:
     owner.rle_splat.label_file = str(labels)
     assert bpy.ops.rle_splat.load_segments() == {"FINISHED"}
     bpy.ops.ed.undo_push(message="imported")
-    bpy.ops.rle_splat.add_slice(kind="axial")
+    bpy.ops.rle_splat.add_slice(kind="AXIAL")
     scenes.activate(owner)
     settings = bpy.context.scene.rle_splat
     settings.lighting = "HEADLIGHT" if number % 10 else "SCENE"  # shadows of a lamp take long without kernels

@@ -295,7 +295,7 @@ def f12(name: str):
     bpy.context.preferences.view.render_display_type = "NONE"
     with in_the_view():
         scenes.activate(bpy.data.objects[name])
-        bpy.ops.rle_splat.add_slice(kind="axial")
+        bpy.ops.rle_splat.add_slice(kind="AXIAL")
         scenes.activate(bpy.data.objects[name])
         if bpy.context.scene.camera is None:
             scenes.add_camera((SIDE / 2, -80.0, SIDE / 2), (np.pi / 2, 0.0, 0.0))

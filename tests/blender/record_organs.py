@@ -102,7 +102,7 @@ def tutorial_of_organs():
     beside("how-to-isolate", {"The whole scan": "whole", "Segments alone": "alone"})
     view.overlay.show_overlays = True
     with in_the_view():
-        assert bpy.ops.rle_splat.add_slice(kind="axial") == {"FINISHED"}
+        assert bpy.ops.rle_splat.add_slice(kind="AXIAL") == {"FINISHED"}
     bpy.context.view_layer.objects.active.rle_splat.slice_position = GROUND
     ours.slices_follow_window = False
     ours.slice_center, ours.slice_width = VESSEL_WINDOW

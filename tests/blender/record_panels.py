@@ -151,7 +151,7 @@ def check_slices():
     yield from check_orbit()
     bone = yield from seen("01-bone")
     for kind, column in (("axial", LEFT), ("coronal", CENTER), ("sagittal", RIGHT)):
-        yield from press_button(f"{OP}add_slice(", f"'{kind}'", columns=column)
+        yield from press_button(f"{OP}add_slice(", f"'{kind.upper()}'", columns=column)
         yield from settled()
         scenes.activate(owner)
         assert kind in slices(), kind

@@ -69,33 +69,33 @@ def test_a_picture_prices_the_list_as_its_report_does(scene):
 def test_an_effect_is_forced_off_and_back_to_what_the_scene_calls_for(scene):
     lit = picture(scene)
     overrides = scene.rle_splat.effect_overrides
-    overrides.shading = "OFF"
+    overrides.shading = "off"
     unlit = picture(scene)
     assert (rows(scene)["shading"].on, rows(scene)["shading"].reason) == (False, "by hand")
     scene.rle_splat.lighting = "NONE"
-    overrides.shading = "AUTO"
+    overrides.shading = "auto"
     assert np.array_equal(picture(scene), unlit) and not np.array_equal(unlit, lit)
     scene.rle_splat.lighting = "SCENE"
     assert np.array_equal(picture(scene), lit)
 
 
 def test_what_cannot_be_forced_on_is_refused_in_one_sentence(scene, refused):
-    scene.rle_splat.effect_overrides.mesh_occlusion = "ON"
+    scene.rle_splat.effect_overrides.mesh_occlusion = "on"
     refused(bpy.ops.rle_splat.render_image, "the scene has no meshes")
     refused(bpy.ops.rle_splat.list_effects, "the scene has no meshes")
 
 
 def test_what_is_forced_is_kept_in_the_file_and_copied_with_the_scene(scene, tmp_path):
-    scene.rle_splat.effect_overrides.specular = "OFF"
+    scene.rle_splat.effect_overrides.specular = "off"
     assert bpy.ops.rle_splat.list_effects() == {"FINISHED"}
-    assert scene.copy().rle_splat.effect_overrides.specular == "OFF"
+    assert scene.copy().rle_splat.effect_overrides.specular == "off"
     path = str(tmp_path / "kept.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path)
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
-    assert bpy.context.scene.rle_splat.effect_overrides.specular == "AUTO"
+    assert bpy.context.scene.rle_splat.effect_overrides.specular == "auto"
     bpy.ops.wm.open_mainfile(filepath=path)
     again = bpy.context.scene.rle_splat
-    assert again.effect_overrides.specular == "OFF"
+    assert again.effect_overrides.specular == "off"
     assert not again.effect_rows["specular"].on and again.effect_rows["specular"].reason == "by hand"
 
 

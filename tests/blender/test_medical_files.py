@@ -156,7 +156,7 @@ def test_the_view_of_a_slice_names_its_place_in_the_patient(nifti, bridge):
     bpy.ops.rle_splat.import_volume(filepath=str(nifti))
     owner = active()
     owner.location = (1.0, 2.0, 3.0)  # of the object, not of the patient
-    bpy.ops.rle_splat.add_slice(kind="axial")
+    bpy.ops.rle_splat.add_slice(kind="AXIAL")
     one, middle = active(), (AFFINE @ (2.5, 3.0, 4.0, 1))[:3]  # a layer of voxels
     for layers in (0.0, -40.0):
         one.location.z += 0.001 * layers * np.linalg.norm(AFFINE[:3, 2])  # along the voxels

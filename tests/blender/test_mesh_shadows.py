@@ -140,11 +140,11 @@ def test_the_camera_does_not_see_the_grid(slab, tmp_path):
     for place, kind in ((camera.location.copy(), "ORTHO"), ((6.0, 6.0, 16.0), "PERSP")):
         camera.location, camera.data.type = place, kind
         shots = []
-        for state in ("OFF", "ON"):
+        for state in ("off", "on"):
             force(state)
             update()
             shots.append(rendered(tmp_path / "seen.exr"))
-            assert row_of().on == (state == "ON")
+            assert row_of().on == (state == "on")
         assert shots[0][..., 3].max() > 0.3
         assert np.array_equal(*shots)
 
@@ -166,10 +166,10 @@ def test_the_grid_is_not_seen_through_glass(slab, tmp_path):
     coat(lid, Transmission_Weight=1.0, Roughness=0.0)
     lid.visible_shadow = False
     shots = []
-    for state in ("OFF", "ON"):
+    for state in ("off", "on"):
         force(state)
         shots.append(rendered(tmp_path / "glass.exr")[12:20, 22:30, :3])
-        assert row_of().on == (state == "ON")
+        assert row_of().on == (state == "on")
     off, on = (shot.mean(axis=(0, 1)) for shot in shots)
     print(f"without the grid {off}, with it {on}")
     assert off.max() > 0.3
@@ -190,7 +190,7 @@ def test_a_mirror_shows_the_lit_color_and_not_a_black_shape(grids_in_cycles, add
     assert middle / middle[0] == pytest.approx(np.array(RED) / RED[0], abs=0.01)
     # From 5.0 on Cycles adds up more light than there is where it marches through dense matter.
     assert middle[0] == pytest.approx(RED[0], abs=0.01) if bpy.app.version < (5, 0) else middle[0] > 0.75
-    force("OFF")
+    force("off")
     assert rendered(tmp_path / "mirror.exr")[6:10, 6:10, :3].max() < 1e-3
 
 
@@ -244,9 +244,9 @@ def test_the_effect_says_why_it_is_on_or_off(cube, grid):
     assert reason() == (False, "no light casts shadows")
     render()
     assert grid().data.filepath == "" and row_of().reason == "no light casts shadows"
-    force("ON")
+    force("on")
     assert reason() == (True, "by hand: no light casts shadows")
-    force("AUTO")
+    force("auto")
     sun.data.use_shadow = True
     bpy.data.objects["mesh"].hide_render = True
     assert reason() == (False, "no mesh can receive them")
@@ -268,10 +268,10 @@ def test_the_effect_says_why_it_is_on_or_off(cube, grid):
     scene.render.engine = "BLENDER_EEVEE" if bpy.app.version >= (5, 0) else "BLENDER_EEVEE_NEXT"
     assert reason() == (True, "cast by 1 sun, of an opaque surface in EEVEE")
     scene.render.engine = "CYCLES"
-    force("OFF")
+    force("off")
     assert reason() == (False, "by hand")
     assert bpy.ops.rle_splat.remove_from_renders() == {"FINISHED"}
-    force("AUTO")
+    force("auto")
     assert reason() == (False, "renders do not include the volume") and grid() is None
 
 
@@ -280,13 +280,13 @@ def test_the_grid_is_no_part_of_what_viewports_and_our_pictures_show(cube, grid,
     assert not shadow.visible_get() and shadow.hide_select and not shadow.visible_camera and shadow.parent == cube
     triangles = bridge("scene.render_scene").read_occluders(depsgraph)["triangles"]
     assert len(triangles) == 2, "the floor's"
-    force("OFF")
+    force("off")
     update()
     depsgraph = bpy.context.evaluated_depsgraph_get()
     assert grid() is None and len(bridge("scene.render_scene").read_occluders(depsgraph)["triangles"]) == 2
     left = *bpy.data.volumes, *bpy.data.materials, *bpy.data.meshes, *bpy.data.objects
     assert not [one for one in left if "Shadow" in one.name]
-    force("AUTO")
+    force("auto")
     update()
     assert grid() is not None
 

@@ -337,7 +337,7 @@ def test_what_keyframes_do_not_say_is_sharp_and_said_in_render_and_image_alike(
 
 
 def test_forcing_it_on_says_the_reason(blot, refused):
-    bpy.context.scene.rle_splat.effect_overrides.motion_blur = "ON"
+    bpy.context.scene.rle_splat.effect_overrides.motion_blur = "on"
     drive(blot)
     bpy.context.scene.frame_set(FRAME)
     refused(bpy.ops.rle_splat.render_image, "the volume depends on a driver")

@@ -121,7 +121,7 @@ def test_a_second_press_follows_the_camera_and_keeps_edited_texts(owner):
 def test_names_stand_beyond_letters_and_slices_and_their_lines_pass_letters_by(owner):
     look(away=0.3)
     assert bpy.ops.rle_splat.add_letters() == {"FINISHED"}
-    assert bpy.ops.rle_splat.add_slice(kind="axial") == {"FINISHED"}
+    assert bpy.ops.rle_splat.add_slice(kind="AXIAL") == {"FINISHED"}
     made = bpy.context.view_layer.objects.active
     made.scale *= 1.3
     bpy.context.view_layer.objects.active = owner

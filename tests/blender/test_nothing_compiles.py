@@ -146,7 +146,7 @@ def change_controls(draw) -> list[str]:
             if key in seen or seen.add(key) or draw.random() > 0.15:
                 continue
             values = values_of(data.bl_rna.properties[name], getattr(data, name))
-            values = [value for value in values if value != "ON"]  # an effect that the scene lacks is refused
+            values = [value for value in values if value != "on"]  # an effect that the scene lacks is refused
             if values:
                 value = draw.choice(values)
                 setattr(data, name, value)

@@ -42,7 +42,7 @@ def owner(addon, tmp_path, voxels):
 
 def add(owner, kind="axial"):
     scenes.activate(owner)
-    assert bpy.ops.rle_splat.add_slice(kind=kind) == {"FINISHED"}
+    assert bpy.ops.rle_splat.add_slice(kind=kind.upper()) == {"FINISHED"}
     return bpy.context.view_layer.objects.active
 
 

@@ -302,5 +302,5 @@ def test_real_files(formats, core, name, shape, spacing, remarks):
 
 def test_a_medium_too_small_for_openvdb_gives_a_sentence(core, refusal, tmp_path):
     made = core("read.vdb_medium").MediumFile(1.0)
-    with pytest.raises(refusal, match="raise Scene Scale"):
+    with pytest.raises(refusal, match="raise the scene scale"):
         made.save(tmp_path / "small.vdb", np.diag((1e-7, 1e-7, 1e-7, 1.0)))

@@ -63,7 +63,7 @@ def set_up():
     with in_the_view():
         bpy.context.view_layer.objects.active = volume
         assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
-        assert bpy.ops.rle_splat.add_slice(kind="axial") == {"FINISHED"}
+        assert bpy.ops.rle_splat.add_slice(kind="AXIAL") == {"FINISHED"}
     cut = bpy.context.view_layer.objects.active
     for frame, z in ((1, cut.location.z), (4, cut.location.z + 3.0 * N)):  # outside of the volume
         cut.location.z = z

@@ -263,7 +263,7 @@ def check_selecting_restarts_nothing():
         mesh = bpy.context.object
         owner = panel_states.add_volume(FOLDER)
         panel_states.make_active(owner)
-        bpy.ops.rle_splat.add_slice(kind="axial")
+        bpy.ops.rle_splat.add_slice(kind="AXIAL")
     scene = scenes.use_cycles((48, 36), transparent=False)
     scene.cycles.preview_samples = 8
     area_of("VIEW_3D").spaces.active.shading.type = "RENDERED"
@@ -295,7 +295,7 @@ def check_memory_is_freed():
         yield from new_file()
         with in_the_view():
             panel_states.add_labels(FOLDER, panel_states.add_volume(FOLDER))
-            bpy.ops.rle_splat.add_slice(kind="axial")
+            bpy.ops.rle_splat.add_slice(kind="AXIAL")
         yield from settled()
         assert {key[0] for key in store._entries} >= {"slice"} and store.nbytes() >= 2 * panel_states.SIDE**3
         if end == "disabled":

@@ -83,17 +83,17 @@ def scenario():
     grid = shadows.grids(scene)[0]
     assert not grid.visible_get()
     pictures = {}
-    for state in ("OFF", "AUTO"):
+    for state in ("off", "auto"):
         scene.rle_splat.effect_overrides.shadows_on_meshes = state
-        yield from until(lambda state=state: bool(shadows.grids(scene)) == (state == "AUTO"))
+        yield from until(lambda state=state: bool(shadows.grids(scene)) == (state == "auto"))
         pictures[state] = yield from rendered(folder() / f"{state}.exr")
         row = scene.rle_splat.effect_rows["shadows on meshes"]
-        assert row.on == (state == "AUTO"), row.reason
+        assert row.on == (state == "auto"), row.reason
     passed("F12 on the render thread")
-    apart = np.abs(pictures["OFF"] - pictures["AUTO"])[..., :3].max(axis=2)[60:100, 135:185]
+    apart = np.abs(pictures["off"] - pictures["auto"])[..., :3].max(axis=2)[60:100, 135:185]
     print(f"where the ball is the pictures differ by at most {apart.max():.3f}")
     assert apart.max() < 0.02, "the grid or its surface is drawn over the volume"
-    lost = (pictures["OFF"] - pictures["AUTO"])[..., :3].mean(axis=2)
+    lost = (pictures["off"] - pictures["auto"])[..., :3].mean(axis=2)
     print(f"the shadow takes {lost.max():.2f} of the floor's light, on {np.mean(lost > 0.2):.1%} of the picture")
     assert np.mean(lost > 0.2) > 0.005
     with in_the_view():

@@ -62,7 +62,7 @@ OWN_VALUES = {
     "figure": {
         "--data": [],  # it wants a figure's sidecar in place of the volume
         "--width-cm": ["3"], "--dpi": ["60"], "--aspect": ["1.2"], "--columns": ["1"],
-        "--background": ["black", "transparent"], "--font-size": ["7"], "--caption": ["text"],
+        "--background": ["black", "0 0 0.2"], "--font-size": ["7"], "--caption": ["text"],
         "--scale-bar": ["off", "10"], "--scale-depth": ["center --perspective"],
         "--sides": ["cube --orientation LPS", "off"],
         "--no-color-bar": [""], "--names": [LABELS], "--compare": ["ct-bone"], "--view": ["30 10"], "--title": ["text"],

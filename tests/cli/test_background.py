@@ -28,7 +28,7 @@ def test_a_background_is_a_name_or_three_numbers(call, tmp_path, raw, raw_option
 
 def test_a_wrong_background_is_named(call, tmp_path, raw, raw_options):
     result = call("render", raw, *raw_options, "-o", tmp_path / "p.png", "--background", "red")
-    assert result.code == 2 and "'red' is not white, black, transparent or three" in result.err
+    assert result.code == 2 and "must be white, black, transparent or three" in result.err and "'red'" in result.err
 
 
 def test_version_and_presets_are_printed(call):

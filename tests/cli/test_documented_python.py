@@ -33,6 +33,7 @@ def test_the_example_of_the_readme_runs(tmp_path, monkeypatch):
 @pytest.mark.slow  # it compiles the kernels of the quality fine and of a tolerance
 def test_the_documented_example_runs(tmp_path, monkeypatch, capsys):
     pytest.importorskip("SimpleITK")
+    Image = pytest.importorskip("PIL.Image")
     text = _python_of(PAGE)
     for old, new in (
         ("scan.nii.gz", "scan.nrrd"),
@@ -55,6 +56,7 @@ def test_the_documented_example_runs(tmp_path, monkeypatch, capsys):
     coarse = replace(volume, voxels=volume.voxels[::2, ::2, ::2], affine=np.diag((2.0, -4.0, 6.0, 1.0)), slope=0.1)
     rle_splat.write_volume(replace(coarse, space="patient", value_unit="SUVbw"), tmp_path / "pet.nrrd")
     rle_splat.write_volume(replace(volume, space="patient", affine=affine), tmp_path / "t1.nii.gz")
+    np.save(tmp_path / "array.npy", ball)
     monkeypatch.chdir(tmp_path)
     names = {}
     exec(compile(text, str(PAGE), "exec"), names)
@@ -64,6 +66,8 @@ def test_the_documented_example_runs(tmp_path, monkeypatch, capsys):
     for name in ("of_image", "of_nifti"):
         np.testing.assert_allclose(names[name].affine, affine)
         np.testing.assert_array_equal(names[name].voxels, volume.voxels)
+    np.testing.assert_array_equal(names["of_array"].spacing, (0.5, 0.5, 2.0))
+    assert np.asarray(Image.open("shown.png")).shape == (SIDE, SIDE, 3)
     uptake, pet = names["uptake"], names["pet"]
     assert uptake.shape_xyz == names["scan"].shape_xyz and uptake.value_unit == "SUVbw"
     np.testing.assert_allclose(uptake.physical(uptake.voxels[::2, ::2, ::2]), pet.physical(pet.voxels), atol=1e-5)

@@ -253,7 +253,7 @@ def test_a_pdf_has_the_texts_and_the_same_bytes_again(call, figure):
         (["--sides", "cube"], "not known where the patient's sides are"),
         (["--scale-bar", "5000"], "5 m is longer than the picture"),
         (["--scale-bar", "long"], "The figure's scale bar must be a length above zero, or 'auto' or 'off'"),
-        (["--background", "red"], "The figure's background must be white, black, transparent"),
+        (["--background", "red"], "The background must be white, black, transparent"),
         (["--compare", "ct-bone"], "--compare and --transfer-function contradict each other"),
         (["--view", "0", "0", "--azimuth", "3"], "--view and --azimuth contradict each other"),
         (["--title", "a", "--title", "b"], "--title is given 2 times for 1 panels"),

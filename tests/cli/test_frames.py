@@ -62,7 +62,7 @@ def test_all_frames_have_the_plan_of_the_first(sequence, call, raw_options, tmp_
 
 @pytest.mark.parametrize("words, sentence", [
     (("--frame", 3), "Time point 3 is missing: there is no file with the number 10"),
-    (("--frame", 5), "There is no time point 5 (--frame): ball_8.raw is the first of 4 files"),
+    (("--frame", 5), "There is no time point 5: ball_8.raw is the first of 4 files"),
     (("--frame", 0), "There is no time point 0"),
     (("--frames", 2, 1), "--frames is 2 1; give the first and the last frame"),
     (("--frames", 0, 1), "--frames is 0 1"),

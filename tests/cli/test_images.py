@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 
 from rle_splat.cli.images import write_picture, writer_for
+from rle_splat.figure.plan import FigureStyle
 from rle_splat.scene import NO_DEPTH, Rendering, RleSplatError
 from rle_splat.scene.display import encode_srgb, over_background, straight_alpha, to_bytes
 
@@ -77,8 +80,15 @@ def test_pixels_for_display_are_over_a_background(picture):
     shown = Rendering(rgba, depth, {}).to_srgb((0.5, 0.2, 1.0))
     expected = encode_srgb(rgba[..., :3] + (1 - rgba[..., 3:]) * np.array((0.5, 0.2, 1.0))) * 255
     assert shown.dtype == np.uint8 and np.abs(shown - expected).max() <= 0.5 + 1e-3
-    with pytest.raises(RleSplatError, match="three finite numbers"):
-        Rendering(rgba, depth, {}).to_srgb("white")
+    assert np.array_equal(Rendering(rgba, depth, {}).to_srgb("white"), to_bytes(rgba, (1.0, 1.0, 1.0)))
+
+
+@pytest.mark.parametrize("wrong", ["pink", "123", (0.5, 0.5), (0.5, -0.1, 0.5), None, 1.0])
+def test_a_wrong_background_gets_a_sentence(tmp_path, picture, wrong):
+    rendering = Rendering(*picture, {})
+    for call in (rendering.to_srgb, partial(write_picture, rendering, tmp_path / "p.png"), FigureStyle):
+        with pytest.raises(RleSplatError, match="background must be white, black, transparent or three"):
+            call(background=wrong)
 
 
 def test_exr_is_read_back(tmp_path, picture):

@@ -4,7 +4,7 @@ import base64
 import io
 import json
 import unicodedata
-from dataclasses import replace
+from dataclasses import asdict, replace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -147,7 +147,7 @@ def test_a_cube_shows_the_three_sides_that_face_the_viewer(drawing, balls):
 def test_sides_that_are_unknown_are_not_invented(drawing):
     made = drawing.made(drawing.scene())
     assert any("not known where the patient's sides are" in remark for remark in made.remarks)
-    with pytest.raises(RleSplatError, match=r"sides are; .* \(in Python, space=.patient.\)"):
+    with pytest.raises(RleSplatError, match="sides are; state the orientation of the volume"):
         drawing.made(drawing.scene(), style=replace(drawing.style, sides="letters"))
 
 
@@ -380,6 +380,19 @@ def test_lines_are_broken_at_spaces():
     assert " ".join(lines) == "one two three extraordinarily four" and len(lines) >= 3
     assert all(text_width(line, 2.0) <= 12.0 or " " not in line for line in lines)
     assert wrap("one\u00a0two three", 2.0, 1.0) == ["one\u00a0two", "three"]
+
+
+@pytest.mark.parametrize(
+    ("background", "color", "ink"),
+    [("white", (1.0, 1.0, 1.0), 0.0), ("black", (0.0, 0.0, 0.0), 1.0), ("transparent", None, 0.0),
+     ([0.0, 0.0, 0.8], (0.0, 0.0, 0.8), 1.0), (np.array((0.2, 0.2, 0.2)), (0.2, 0.2, 0.2), 0.0)],
+)  # fmt: skip
+def test_lettering_is_white_on_dark_backgrounds(drawing, background, color, ink):
+    style = replace(drawing.style, background=background, caption="Ball")
+    assert style == FigureStyle(**json.loads(json.dumps(asdict(style))))
+    page = drawing.made(drawing.scene(), style=style).page
+    assert page.background == color
+    assert {item.color for item in page.items if isinstance(item, Text)} == {(ink,) * 3}
 
 
 @pytest.mark.parametrize(

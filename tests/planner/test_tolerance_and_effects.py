@@ -46,7 +46,7 @@ def moving(scene: Scene) -> Scene:
 WITHOUT_TRUTH = {
     "mist": (scene_of(mist=Mist(10.0, 30.0)), "mist"),
     "gradient opacity": (
-        scene_of(transfer_function=replace(FUNCTION, gradient_opacity=GradientOpacity(0.0, 0.2))), "gradient_opacity"
+        scene_of(transfer_function=replace(FUNCTION, gradient_opacity=GradientOpacity(0.0, 0.2))), "gradient opacity"
     ),
     "mode": (scene_of(mode="mip"), "mode mip"),
     "labels": (scene_of(labels=Labels(Volume((X > 0.5).astype(np.uint8), np.eye(4)), {1: None})), "labels"),

@@ -195,7 +195,11 @@ def test_the_reference_lists_every_operator_with_its_tooltip():
     for texts in operators.values():
         section = text.partition(f"`bpy.ops.{texts['bl_idname']}()`. ")
         assert f"## {texts['bl_label']}\n" in section[0] and len(section[2].partition("\n")[0]) > 10, texts
-    for row in ("| `of_file` | Channels of the File | `False` |", "| `use_meshes` | Meshes Hide Volume | unset |"):
+    for row in (
+        "| `of_file` | Channels of the File | bool | `False` |",
+        "| `use_meshes` | Meshes Hide Volume | bool | unset |",
+        "| `direction` | Direction | float (3) | `(0, 1, 0)` |",
+    ):
         assert row in text
     assert "| `directory` | Folder |" in text.partition("## Import DICOM Series\n")[2].partition("\n## ")[0]
     assert "`use_dialog`" not in text and "`filter_glob`" not in text

@@ -32,7 +32,7 @@ class TestBadInput:
             del dataset.ImagePositionPatient
 
         phantoms.write_classic(tmp_path, AXIAL, change=change)
-        assert "--spacing" in refusal(tmp_path)
+        assert "give the spacing" in refusal(tmp_path)
         volume = read_volume(tmp_path, spacing=(0.6, 0.6, 1.5))
         assert volume.space is None and volume.voxels.shape == (SLICES, phantoms.ROWS, phantoms.COLUMNS)
         differences = np.diff(volume.voxels.astype(int), axis=0)

@@ -142,5 +142,5 @@ def test_json_and_what_is_refused(stage):
         with pytest.raises(RleSplatError, match="gradient"):
             TransferFunction.from_json(EVEN.to_json() | {"gradient_opacity": wrong})
     scene = stage.on_turntable(radius_from_center(8), transfer_function=tf)
-    with pytest.raises(RleSplatError, match="no reference of a transfer function with a gradient_opacity"):
+    with pytest.raises(RleSplatError, match="no reference of a transfer function with gradient opacity"):
         truth(scene, "T2")

@@ -61,7 +61,7 @@ def test_a_list_of_lights_is_taken_as_a_tuple():
         (lambda: Volume([[[1]]], np.eye(4)), "not a list"),
         (lambda: Labels(np.zeros((2, 2, 2), int)), "not a ndarray"),
         (lambda: render(None, 2), "not 2"),
-        (lambda: write_picture(PICTURE, "out.png", background="white"), "three finite numbers"),
+        (lambda: write_picture(PICTURE, "out.png", background="pink"), "three finite numbers"),
         (lambda: scene_with(labels=Volume(np.zeros((3, 4, 5), np.uint8), np.eye(4))), "a Labels object, not a Volume"),
         (lambda: scene_with(lights=Light()), "a tuple of Light objects"),
         (lambda: Scene(np.zeros((3, 3, 3)), preset("ct-bone"), Camera()), "The volume is an array; make a Volume"),

@@ -158,7 +158,7 @@ def test_encoded_voxels_are_no_volume(tmp_path, is_folder):
 
 def test_an_unnamed_layout_is_asked_for_with_what_would_fit(tmp_path):
     path = write(tmp_path / "scan.raw", bytes(64**3))
-    with pytest.raises(RleSplatError, match=r"--shape.*64 x 64 x 64 voxels of uint8"):
+    with pytest.raises(RleSplatError, match=r"give its shape.*64 x 64 x 64 voxels of uint8"):
         read_volume(path)
 
 

@@ -56,7 +56,7 @@ def check_tolerance_applies(scene: Scene, quality: Quality) -> None:
         raise RleSplatError("A tolerance cannot be met where ray ends stand for meshes; give triangles.")
     if scene.transfer_function.gradient_opacity is not None:
         raise RleSplatError(
-            "A tolerance cannot be met with a gradient_opacity, for which there is no reference; turn it off."
+            "A tolerance cannot be met with gradient opacity, for which there is no reference; turn it off."
         )
     if lacks_shadows(scene, quality):
         raise RleSplatError(

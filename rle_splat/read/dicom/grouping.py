@@ -33,7 +33,7 @@ class SeveralSeries(RleSplatError):
 
     def __init__(self, groups, titles, asked: int | None = None):
         self.problem = f"There are {len(groups)} series" if asked is None else f"There is no series {asked}"
-        advice = "choose one by its number (--series N)" if asked is None else f"use 1 to {len(groups)}"
+        advice = "choose one by its number" if asked is None else f"use 1 to {len(groups)}"
         self.groups = tuple(groups)
         self.titles = tuple(titles(group) for group in groups)
         self.thumbnails = None  # one for each group, from whoever shows a chooser
@@ -88,7 +88,7 @@ class Group:
             raise single_picture()
         if has_geometry(slices[0]):
             if spacing is not None:
-                raise RleSplatError("The files of this series state its geometry; leave out the spacing (--spacing).")
+                raise RleSplatError("The files of this series state its geometry; leave out the spacing.")
             storage = slices[0].storage
             return stacking.stack(*collect_planes(slices), (storage.rows, storage.columns))
         if spacing is None:

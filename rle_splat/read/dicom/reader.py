@@ -100,9 +100,7 @@ def read_dicom_steps(path, series=None, frame=None, spacing=None, series_key=Non
     found = yield from rescale(find_pictures(path), 0.0, HEADERS)
     if found.segmentation is not None:
         if (series, frame, spacing) != (None, None, None):
-            raise RleSplatError(
-                f"{Path(path).name} is a segmentation; leave out series, time point (--frame) and spacing."
-            )
+            raise RleSplatError(f"{Path(path).name} is a segmentation; leave out series, time point and spacing.")
         return (yield from rescale(read_segmentation_steps(found.segmentation), HEADERS, 1.0))
     if found.structures:
         if scan is None:
@@ -232,7 +230,7 @@ def _slices_left_out(groups, group: Group, named: bool) -> list[str]:
     if further:
         were = "was" if further == 1 else "were"
         fewer = f"with fewer than {ENOUGH_SLICES} slices"
-        remarks.append(f"{further} other series {fewer} {were} left out; choose one with Series (--series).")
+        remarks.append(f"{further} other series {fewer} {were} left out; choose one by its number.")
     return remarks
 
 

@@ -66,6 +66,5 @@ def single_picture() -> Refused:
 
 def no_positions() -> Refused:
     return Refused(
-        "The files of this series do not say where their slices lie; give the distances between voxels (Spacing, or "
-        "--spacing)."
+        "The files of this series do not say where their slices lie; give the spacing, the distances between voxels."
     )
