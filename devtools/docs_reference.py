@@ -37,7 +37,7 @@ PLACES = {  # (bl_space_type, bl_category or bl_context) -> where a user finds a
     ("PROPERTIES", "render"): "Properties > Render",
     ("PROPERTIES", "data"): "Properties > Object Data",
 }
-LONG_LIST = 12  # choices; of more, only the names are listed
+LONG_LIST = 13  # choices; of more, only the names are listed
 IN_LINES = 2  # choices; of more, each has a line of its own
 LINE = "<br>"  # between choices that have lines of their own
 IMAGES = ROOT / "docs" / "images"

@@ -149,7 +149,7 @@ class RLE_SPLAT_OT_import_channel(ImportsVolumes, bpy.types.Operator, ImportHelp
 
 
 class RLE_SPLAT_OT_remove_channel(bpy.types.Operator):
-    """Remove this volume from the picture and keep its object"""
+    """Remove this channel from the list. Its volume stays in the scene"""
 
     bl_idname = "rle_splat.remove_channel"
     bl_label = "Remove Channel"

@@ -30,7 +30,7 @@ class RLE_SPLAT_OT_clear_segments(bpy.types.Operator):
 
 
 class RLE_SPLAT_OT_show_segment_alone(bpy.types.Operator):
-    """Show only this segment. Click again to show all"""
+    """Show only the chosen segment. Click again to show all"""
 
     bl_idname = "rle_splat.show_segment_alone"
     bl_label = "Show Segment Alone"

@@ -22,7 +22,7 @@ class RLE_SPLAT_PT_channels(OfVolume, bpy.types.Panel):
             row.alert = deleted
             row.prop(channel, "show", text="")
             row.prop(channel, "source", text="")
-            row.operator("rle_splat.remove_channel", text="", icon="X").index = index
+            row.operator("rle_splat.remove_channel", text="", icon="REMOVE").index = index
             if deleted:
                 sentence = f"The volume {channel.source.name} was deleted; remove this channel."
                 paragraph(context, layout, sentence, icon="ERROR")

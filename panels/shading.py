@@ -58,7 +58,7 @@ def _draw_scene(scene, layout) -> None:
     """What all volumes of the scene share: shadows, the light from all sides and mist."""
     settings = scene.rle_splat
     has_shadows, is_lit = not settings.max_error or not is_pre_classified(settings), is_any_lit(scene)
-    layout.label(text="Scene")
+    layout.label(text="All Volumes")
     column = layout.column(align=True)
     column.use_property_decorate = False
     column.active = is_lit

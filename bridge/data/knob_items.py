@@ -5,8 +5,8 @@ from ...rle_splat import scene as tables
 _TEXTS = {
     "slice": ("Slices", "One layer at each slice of the volume"),
     "slice-2": ("Every Second Slice", "One layer at every second slice; fast and coarse"),
-    "simpson": ("Simpson", "Layers at the slices and halfway between them, weighted by Simpson's rule"),
-    "gauss2": ("Gauss", "Two layers between neighboring slices, at Gauss's points"),
+    "simpson": ("Simpson", "Layers at the slices and halfway between them, which count twice, as in Simpson's rule"),
+    "gauss2": ("Gauss", "Two layers between neighboring slices, at 21% and 79% of the way, as in Gauss's rule"),
     "nearest": ("Nearest", "Show each voxel as a box"),
     "tent": ("Linear", "Interpolate linearly between voxels"),
     "bspline2": ("Quadratic B-Spline", "Smooth over three voxels"),
@@ -24,7 +24,8 @@ _COUNTED = {
     "midpoint": ("{} Midpoints", "{} layers between neighboring slices"),
     "preintegrated": (
         "{} Exact Layers",
-        "{} layers between neighboring slices, each integrated exactly for linear values (pre-integrated)",
+        "{} layers between neighboring slices, each with the mean color and opacity of all values in it "
+        "(pre-integrated)",
     ),
 }
 RECORD_ITEMS = [

@@ -80,7 +80,8 @@ USUAL = tables.Quality()  # the default values of the knobs
 
 PLAIN_TEXTS = {
     "classification": "Whether values become opacity and color before or after they are interpolated",
-    "depth_rule": "How many layers are computed between neighboring slices, and how they are added up along the view",
+    "depth_rule": "How many layers are computed between neighboring slices, and how they are added up along the view. "
+    "Exact layers need Interpolate: Values",
     "sheet_density": "Pixels of a layer per pixel of the picture; 0 is one per voxel",
     "kernel": "Shape in which a voxel is drawn. With Interpolate: Values it is always Linear",
     "minification": "What prevents shimmer where voxels are smaller than pixels. With Interpolate: Values it is "

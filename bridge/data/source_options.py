@@ -138,7 +138,7 @@ class SourceOptions:
         name="Finest That Fits in Memory", description="Read the finest level whose voxels fit into memory",
         **switch("level", -1, 0))  # fmt: skip
     use_first_frame: BoolProperty(
-        name="First Volume", description="Read the first volume, and show others with the timeline",
+        name="First Volume", description="Read the first time point, and show others with the timeline",
         **switch("frame", 0, 1))  # fmt: skip
     use_sequence: BoolProperty(
         name="Sequence", description="Read files whose names differ in their last number alone, such as "

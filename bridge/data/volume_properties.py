@@ -194,7 +194,7 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         description="Volumes shown together with this one, such as a PET on its CT",
     )
     clip_flipped: BoolProperty(
-        name="Keep Other Side", description="Keep the other part of the volume", set=_flip,
+        name="Keep Other Side", description="Keep what is outside the box, or in front of the plane", set=_flip,
         get=lambda group: group.clip_keep == "OUTSIDE")  # fmt: skip
     clip_is_on: BoolProperty(
         name="Enable Cut",
@@ -308,8 +308,7 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     )
     shininess: LiveFloat(
         name="Shininess", default=20.0, min=1.0, soft_max=100.0,
-        description="Sharpness of the highlights; higher is smaller and sharper: about 10 looks matt, 60 "
-        "wet")  # fmt: skip
+        description="Sharpness of the highlights, the opposite of roughness: about 10 looks matt, 60 wet")  # fmt: skip
     highlight: LiveEnum(
         name="Highlights", description="Shape of the highlights", default="BLINN_PHONG",
         items=(("BLINN_PHONG", "Blinn-Phong", "Large highlights, which stretch where light grazes a surface, as on "

@@ -29,7 +29,7 @@ class ChannelProperties(bpy.types.PropertyGroup):
         poll=lambda row, other: can_be_added(row.id_data, other),
         description="A volume of the same region, shown with its own transfer function",
     )
-    show: LiveBool(name="Show", description="Add this volume to the picture", default=True)
+    show: LiveBool(name="Show", description="Show this volume together with the active one", default=True)
 
 
 def can_be_added(owner, other) -> bool:

@@ -13,16 +13,28 @@ import numpy as np
 from mathutils import Euler, Matrix, Vector
 
 from tests.blender.real_blender import MODULE
-from tests.blender.user_steps import simulate
-from tests.blender.window_driver import SHOTS, area_of, in_the_view, new_file, photograph, window
+from tests.blender.user_steps import hover, middle, press, settled, simulate
+from tests.blender.window_driver import SHOTS, area_of, in_the_view, new_file, photograph, region_of, window
 
 DATA = Path(__file__).parent / "data"
 AORTA = "cta_aorta_labels"
 HEART = f"{AORTA}/cta_heart_aorta_120x126x164_int16.nii.gz"
 BRAIN, HEAD_MR = "flair_brain_124x160x140_uint8.nrrd", "t1_head_188x256x190_uint8.nii.gz"
 QUALITY = "70"
+DISC, DIGIT = 10.5, 14  # pixels: the radius of a number, the size of its digit
 ARROW = ((0, 0), (0, 17), (4, 13), (7, 20), (10, 19), (7, 12), (12, 12))  # pixels from the mouse, down
 SCANS = Path("/scans")  # of the small system: a path that a reader could have
+
+
+def fold(*titles: int):
+    """Open or close panels of the sidebar with clicks on their titles, at these pixels below the window's top."""
+    sidebar = region_of(area_of("VIEW_3D"), "UI")
+    for below in titles:
+        at = sidebar.x + sidebar.width // 2, window().height - below
+        yield from hover(at)
+        yield from press("LEFTMOUSE", at)
+        yield from settled()
+    yield from hover(middle())  # no tooltip covers them
 
 
 def keep(name: str, part: str = "", words=()):
@@ -66,6 +78,17 @@ def line(begin_at, end_at) -> list[str]:
     way = " ".join(f"{int(x)},{window().height - int(y)}" for x, y in (begin_at, end_at))
     pens = ("-stroke", "black", "-strokewidth", "5"), ("-stroke", "white", "-strokewidth", "2")
     return [word for pen in pens for word in (*pen, "-draw", f"line {way}")]
+
+
+def numbers(*places) -> list[str]:
+    """Words of ImageMagick that draw numbers of a list in discs.
+
+    ``places``: number and pixel from the upper left, beside a button, measured in a photograph of the same size.
+    """
+    disc = ("-fill", "#E8730C", "-stroke", "white", "-strokewidth", "1.5")
+    digit = ("-fill", "white", "-stroke", "none", "-font", "DejaVu-Sans-Bold", "-pointsize", str(DIGIT))
+    drawn = ((f"circle {x},{y} {x + DISC},{y}", f"text {x - 5},{y + 5} '{number}'") for number, x, y in places)
+    return [word for circle, text in drawn for word in (*disc, "-draw", circle, *digit, "-draw", text)]
 
 
 def look_from(tilt: float, turn: float, nearer: float = 0.6) -> None:

@@ -15,7 +15,20 @@ from pathlib import Path
 import bpy
 from mathutils import Vector
 
-from tests.blender.guide_steps import AORTA, DATA, SCANS, activate, begin, beside, keep, lamp, look_from, masks
+from tests.blender.guide_steps import (
+    AORTA,
+    DATA,
+    SCANS,
+    activate,
+    begin,
+    beside,
+    fold,
+    keep,
+    lamp,
+    look_from,
+    masks,
+    numbers,
+)
 from tests.blender.scenes import module
 from tests.blender.user_steps import middle, press, settled
 from tests.blender.window_driver import (
@@ -66,7 +79,7 @@ def label_lumen_and_artery(volume) -> None:
 
 def tutorial_of_organs():
     """From a scan with its masks beside it to a render with names."""
-    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_labels", "RLE_SPLAT_PT_slices")
+    open_panels("RLE_SPLAT_PT_labels", "RLE_SPLAT_PT_slices", "RLE_SPLAT_PT_picture")
     yield from begin()
     scan = masks().parent / "Aorta.nii.gz"
     shutil.copyfile(DATA / AORTA / "cta_heart_aorta_120x126x164_int16.nii.gz", scan)
@@ -80,14 +93,14 @@ def tutorial_of_organs():
     with in_the_view():
         bpy.ops.rle_splat.import_volume("INVOKE_DEFAULT", filepath=str(scan), at_cursor=True)
     yield from wait_for_rest()
-    yield from keep("organs-1-dialog")
+    yield from keep("organs-1-dialog", words=numbers((3, 270, 638), (3, 270, 716), (4, 347, 768)))
     yield from press("RET", middle())
     yield from until(lambda: any(one.rle_splat.is_volume for one in bpy.data.objects))
     volume = bpy.context.view_layer.objects.active
     look_from(76.0, 35.0, 0.55)
     yield from settled()
     yield from wait_for_rest()
-    yield from keep("organs-2-imported")
+    yield from keep("organs-2-imported", words=numbers((1, 991, 528), (3, 991, 553)))
     view.overlay.show_overlays = False  # without box and letters
     yield from wait_for_rest()
     yield from keep("whole", ORGANS)
@@ -108,8 +121,8 @@ def tutorial_of_organs():
     ours.slice_center, ours.slice_width = VESSEL_WINDOW
     activate(volume)
     yield from settled()
-    yield from keep("organs-3-slice")
-    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_labels", "RLE_SPLAT_PT_slices")
+    yield from keep("organs-3-slice", words=numbers((1, 991, 356), (2, 991, 408), (3, 991, 444)))
+    yield from fold(515, 325)  # Segments, Slices
     scene.world.color = DARK
     scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (*DARK, 1.0)
     lamp("SUN", "Sun", 3.0, (0.32, -0.5, 0.4), angle=radians(3.0))
@@ -140,7 +153,8 @@ def tutorial_of_organs():
     view.overlay.show_overlays = False
     activate(volume)
     yield from settled()
-    yield from keep("organs-4-names")
+    yield from fold(688)  # Letters and Names
+    yield from keep("organs-4-names", words=numbers((1, 991, 739), (2, 142, 459), (3, 1193, 62)))
     ended = []
     bpy.app.handlers.render_complete.append(lambda *_: ended.append(True))
     yield from press("F12", middle())

@@ -18,7 +18,8 @@ from pathlib import Path
 import bpy
 from mathutils import Euler
 
-from tests.blender.user_steps import middle, press, scroll_sidebar, settled
+from tests.blender.guide_steps import fold, keep, numbers
+from tests.blender.user_steps import hover, middle, press, scroll_sidebar, settled
 from tests.blender.window_driver import (
     SHOTS,
     area_of,
@@ -27,28 +28,26 @@ from tests.blender.window_driver import (
     new_file,
     open_panels,
     passed,
-    photograph,
     until,
     wait_for_rest,
     window,
 )
 
 SCAN = Path(__file__).parent / "data" / "scan"
-PANELS = ("display", "presets", "clip_objects", "slices", "picture", "shading")  # that are open
+PANELS = ("display", "presets", "picture")  # that are open
 SHIFT, GROW, OPAQUE = -100.0, 2.0, 0.05  # HU, mm, mm: thin walls are whole and opaque
 DULL = 0.0, 0.75  # specular and diffuse: a cut that faces the headlight is not burnt white
 LEVEL, WINDOW = 400.0, 1200.0  # HU, of the slice
 DARK = (0.012, 0.016, 0.024)  # of the world, from the render on
-DOWN = 25  # turns of the wheel from the first panel to Cut, Slices and Render
+DOWN = 12  # turns of the wheel from the first panel to Lighting, Cut and Render
 
 
-def keep(name: str, began: float):
-    """A photograph as JPEG, and the seconds of the step."""
+def step(name: str, began: float, *places):
+    """A photograph with numbers at these pixels, and the seconds of the step."""
     seconds = time.perf_counter() - began
-    yield from photograph(name)
-    path = Path(os.environ[SHOTS]) / f"{name}.png"
-    subprocess.run(["convert", str(path), "-quality", "82", str(path.with_suffix(".jpg"))], check=True)
-    path.unlink()
+    if places:
+        yield from hover(middle())  # no tooltip covers them
+    yield from keep(name, words=numbers(*places))
     passed(f"{name}, {seconds:.1f} s,")
 
 
@@ -95,7 +94,7 @@ def scenario():
     scene.world = bpy.data.worlds.new("World")  # as in a new file
     add_camera(scene)
     scene.render.resolution_x, scene.render.resolution_y = 800, 600
-    yield from keep("tutorial-1-empty", time.perf_counter())
+    yield from step("tutorial-1-empty", time.perf_counter(), (2, 1267, 330), (3, 991, 192))
 
     began = time.perf_counter()
     with in_the_view():
@@ -104,7 +103,7 @@ def scenario():
     look_from(80.0, 25.0, 0.6)
     yield from settled()
     yield from wait_for_rest()  # with the pictures of presets
-    yield from keep("tutorial-2-imported", began)
+    yield from step("tutorial-2-imported", began)
 
     began = time.perf_counter()
     with in_the_view():
@@ -114,7 +113,10 @@ def scenario():
         assert bpy.ops.rle_splat.change_segment(tool="GROW", length=GROW) == {"FINISHED"}
     volume.rle_splat.shift_by, volume.rle_splat.opacity_unit_distance = SHIFT, OPAQUE
     yield from wait_for_rest()
-    yield from keep("tutorial-3-preset", began)
+    if folder == SCAN:  # panels of another scan are elsewhere
+        yield from fold(400, 542, 430)  # Presets; Segments, Color and Opacity
+    yield from scroll_sidebar(5)
+    yield from step("tutorial-3-preset", began, (1, 991, 114), (2, 991, 610), (3, 991, 816))
 
     began = time.perf_counter()
     with in_the_view():
@@ -122,14 +124,20 @@ def scenario():
     yield from settled()
     with in_the_view():
         assert bpy.ops.rle_splat.cut_along_view() == {"FINISHED"}
+    bpy.context.view_layer.objects.active = volume
+    yield from scroll_sidebar(-9)
+    if folder == SCAN:
+        yield from fold(430, 542, 486)  # Color and Opacity, Segments; Cut
+    yield from step("tutorial-4-plane", began, (1, 1127, 177), (2, 991, 541))
+    if folder == SCAN:
+        yield from fold(458)  # Lighting
     scene.rle_splat.ambient_occlusion = 1.0
     volume.rle_splat.specular, volume.rle_splat.diffuse = DULL
     scene.rle_splat.quality, scene.rle_splat.antialias = "fine", True
-    bpy.context.view_layer.objects.active = volume
     area_of("VIEW_3D").spaces.active.region_3d.view_perspective = "ORTHO"
     look_from(90.0, 0.0, 0.22)
     yield from scroll_sidebar(DOWN)
-    yield from keep("tutorial-4-cut", began)
+    yield from step("tutorial-4-cut", began, (1, 991, 199), (2, 991, 354), (3, 991, 861), (4, 191, 62))
 
     began = time.perf_counter()
     figure = Path(os.environ[SHOTS]) / "tutorial-figure.png"
@@ -151,7 +159,7 @@ def scenario():
     yield from settled()
     yield from wait_for_rest()  # with the shaders of the slice
     yield from settled()
-    yield from keep("tutorial-5-slice", began)
+    yield from step("tutorial-5-slice", began, (1, 991, 608), (2, 991, 644), (2, 1254, 681), (4, 1193, 62))
     scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (*DARK, 1.0)
 
     began = time.perf_counter()
@@ -168,7 +176,7 @@ def scenario():
 
     began = time.perf_counter()
     yield from rendered(scene)
-    yield from keep("tutorial-7-rendered", began)
+    yield from step("tutorial-7-rendered", began)
 
 
 drive(scenario, overlap=False)
