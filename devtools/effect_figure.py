@@ -11,8 +11,8 @@ from PIL import Image
 import rle_splat as rs
 from rle_splat.scene.display import to_bytes
 
-SIDE = 300  # pixels
-DIM, NIGHT, WHITE = (0.08, 0.08, 0.1), (0.01, 0.01, 0.015), (1.0, 1.0, 1.0)  # worlds
+SIDE, FINER = 300, 2  # pixels, and pixels rendered along each side of one
+DIM, NIGHT, WHITE = (0.12, 0.12, 0.14), (0.01, 0.01, 0.015), (1.0, 1.0, 1.0)  # worlds
 OPENED = (0.0, 8.0, 30.0)  # mm: from the skull's middle to a plane that cuts off its top
 LOW, BEHIND = (-0.8, -0.3, 1.1), (0.5, 1.0, 0.4)  # directions of suns
 CLEAR = 8.0  # mm of tissue for an opacity
@@ -32,7 +32,7 @@ def make(brain: Path, skull: Path, bone: Path) -> dict[str, Image.Image]:
     bones = replace(bones, camera=lower, labels=rs.body_labels(bones.volume, bones.transfer_function))
     middle = rs.turntable_aim(bones.volume, bones.volume_matrix)
     top = rs.Clip(kind="plane", matrix_world=rs.look_at(middle + OPENED, middle))
-    opened = replace(bones, clips=(top,), lights=(_sun(bones, LOW, 3.5),), world=DIM)
+    opened = replace(bones, clips=(top,), lights=(_sun(bones, LOW, 3.5),), world=DIM, ambient_occlusion=0.7)
     camera, _ = rs.turntable(bones.volume, azimuth=28, elevation=15, fit=0.95, perspective=True, fov=55)
     camera = replace(camera, shift_x=-0.05, shift_y=-0.09)
     near = replace(
@@ -55,7 +55,7 @@ def _scene(scan, function=None, **view) -> rs.Scene:
     volume = rs.read_volume(scan)
     camera, matrix = rs.turntable(volume, **view)
     chosen = rs.default_transfer_function(volume)[0] if function is None else rs.TransferFunction.from_json(function)
-    return rs.Scene(volume, chosen, camera, SIDE, SIDE, volume_matrix=matrix, headlight=False, antialias=True)
+    return rs.Scene(volume, chosen, camera, FINER * SIDE, FINER * SIDE, volume_matrix=matrix, headlight=False)
 
 
 def _sun(scene: rs.Scene, direction, energy: float) -> rs.Light:
@@ -64,4 +64,5 @@ def _sun(scene: rs.Scene, direction, energy: float) -> rs.Light:
 
 
 def _picture(scene: rs.Scene) -> Image.Image:
-    return Image.fromarray(to_bytes(rs.render(scene, rs.Quality.preset("fine")).rgba), "RGBA")
+    rgba = rs.render(scene, rs.Quality.preset("fine")).rgba.reshape(SIDE, FINER, SIDE, FINER, 4).mean(axis=(1, 3))
+    return Image.fromarray(to_bytes(rgba), "RGBA")

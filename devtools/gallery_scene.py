@@ -2,12 +2,13 @@
 
 Job: {"zip", "install": bool, "scene": a name of gallery_sets.SETS, "folder", "size": [width, height], "samples"}.
 Beside its pictures the folder gets the .blend and these scripts; with the extension installed, and another zip to
-install or not, they make it anew.
+install or not, they make it anew.  In handed-out/ is the .blend for others, which looks for the scan beside it.
 """
 
 from __future__ import annotations
 
 import json
+import shutil
 import time
 from pathlib import Path
 
@@ -45,7 +46,35 @@ def main(job: dict) -> int:
     (folder / "parts.json").write_text(json.dumps(parts) + "\n")
     scene.render.filepath = "//render.png"
     bpy.ops.wm.save_mainfile()
-    return finish(folder, {**reports[0], "source": source})
+    code = finish(folder, {**reports[0], "source": source})
+    hand_out(stage.volume, path, folder / "handed-out", name)
+    return code
+
+
+def hand_out(volume, scan: Path, folder: Path, name: str) -> None:
+    """Save the scene with its segments, and without what renders make again and surfaces that only shape a mesh."""
+    folder.mkdir(exist_ok=True)
+    ours = volume.rle_splat
+    if ours.label_file:
+        segments = folder / f"{name}-segments.nii.gz"
+        shutil.copyfile(bpy.path.abspath(ours.label_file), segments)
+        ours["label_file"] = str(segments)  # as a property it would be read again
+    for one in list(bpy.data.objects):
+        for modifier in [modifier for modifier in one.modifiers if modifier.type == "SHRINKWRAP"]:
+            target = modifier.target
+            with bpy.context.temp_override(object=one):
+                bpy.ops.object.modifier_apply(modifier=modifier.name)
+            bpy.data.objects.remove(target)
+    settings = bpy.context.scene.rle_splat
+    for image in (settings.image, settings.depth_image):
+        bpy.data.images.remove(image)
+    for area in (area for screen in bpy.data.screens for area in screen.areas if area.type == "FILE_BROWSER"):
+        area.spaces.active.params.directory = b"//"  # not a folder of who made it
+    here = folder / scan.name
+    here.symlink_to(scan.resolve())
+    ours["filepath"] = str(here)
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / f"{name}.blend"), compress=True)
+    here.unlink()
 
 
 def _priced(scene) -> dict:

@@ -15,7 +15,7 @@ from .reading import LoadsFirst
 from .refusal import refuse
 from .through_camera import has_volume_and_camera
 
-SIZE, LONGEST, MARGIN = 0.045, 0.25, 0.04  # of a letter, of the bar and of the space beside it, shares of the picture
+SIZE, LONGEST, MARGIN = 0.036, 0.25, 0.04  # of a letter, of the bar and of the space beside it, shares of the picture
 NEAREST = 0.2  # depth of a corner, as a share of the middle's, that is seen at most
 
 
@@ -92,5 +92,5 @@ def _bar(owner, scene, frame, depths):
     mesh.from_pydata([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], [], [(0, 1, 2, 3)])
     yield "Scale Bar", mesh, scene.camera, corner @ Matrix.Diagonal((length * a_unit, 0.15 * size, 1.0, 1.0))
     title = f"{length:g} {owner.rle_splat.length_unit}"
-    above = Matrix.Translation((0.0, 0.9 * size, 0.0)) @ Matrix.Scale(0.8 * size, 4)
+    above = Matrix.Translation((0.0, 0.9 * size, 0.0)) @ Matrix.Scale(0.85 * size, 4)
     yield title, new_text(title, "LEFT"), scene.camera, corner @ above

@@ -9,7 +9,6 @@ writes organs-*.jpg and how-to-isolate.jpg into build/window-shots/record_organs
 import os
 import shutil
 import subprocess
-from math import radians
 from pathlib import Path
 
 import bpy
@@ -24,7 +23,6 @@ from tests.blender.guide_steps import (
     beside,
     fold,
     keep,
-    lamp,
     look_from,
     masks,
     numbers,
@@ -50,9 +48,9 @@ TEXTS = {"Aorta true lumen": "Ascending aorta", "Aorta false lumen": "False lume
           "Annulus proper": "Aortic annulus"}  # names before, after  # fmt: skip
 DARK = (0.012, 0.016, 0.024)  # of the world
 DESCENDING = 0.35  # of the picture's height: how far below the line to the false lumen that of the true lumen ends
-ARTERY, NEAR_AORTA = "Left subclavian artery", (0.503, 0.83)  # its place in the picture, in shares of it
+ARTERY = "subclavian_artery_left"  # leaves the scan, and enters it again
 RINGS = "annulus_proper", "sinotubular_junction"  # thin ones, in a color of their own
-GROUND, VESSEL_WINDOW, YELLOW = 551.0, (150.0, 900.0), (0.8, 0.55, 0.1)
+GROUND, VESSEL_WINDOW, TURQUOISE = 551.0, (150.0, 900.0), (0.03, 0.6, 0.5)
 
 
 def label(volume, text: str, place) -> None:
@@ -66,15 +64,12 @@ def label(volume, text: str, place) -> None:
     assert bpy.ops.rle_splat.add_name(text=text, point=found.surface.world) == {"FINISHED"}
 
 
-def label_lumen_and_artery(volume) -> None:
-    """Labels of the descending true lumen, below the line to the false one, and of an artery where it begins."""
+def label_lumen(volume) -> None:
+    """A label of the descending true lumen, below the line to the false one."""
     frame = bpy.context.scene.camera.data.view_frame(scene=bpy.context.scene)
     high, low = frame[0], frame[2]
     end = bpy.data.objects["Line to Aorta false lumen"].data.splines[0].points[1].co
     label(volume, "True lumen", (end.x, end.y - DESCENDING * (high.y - low.y)))
-    for one in [one for one in bpy.data.objects if one.name.endswith(ARTERY)]:  # its name and line, at its far part
-        bpy.data.objects.remove(one)
-    label(volume, ARTERY, [(1.0 - share) * low[axis] + share * high[axis] for axis, share in enumerate(NEAR_AORTA)])
 
 
 def tutorial_of_organs():
@@ -105,10 +100,14 @@ def tutorial_of_organs():
     yield from wait_for_rest()
     yield from keep("whole", ORGANS)
     ours = volume.rle_splat
-    ours.active_label = next(n for n, row in enumerate(ours.labels) if row.label_name == "aorta_false_lumen")
+    names = [row.label_name for row in ours.labels]
+    ours.active_label = names.index(ARTERY)
+    with in_the_view():
+        assert bpy.ops.rle_splat.change_segment(tool="LARGEST") == {"FINISHED"}
+    ours.active_label = names.index("aorta_false_lumen")
     for row in ours.labels:
         if row.label_name in RINGS:
-            row.color = YELLOW
+            row.color = TURQUOISE
         row.show = row.label != 0 and row.label_name not in LEFT_OUT
     yield from settled()
     yield from keep("alone", ORGANS)
@@ -125,10 +124,6 @@ def tutorial_of_organs():
     yield from fold(515, 325)  # Segments, Slices
     scene.world.color = DARK
     scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (*DARK, 1.0)
-    lamp("SUN", "Sun", 3.0, (0.32, -0.5, 0.4), angle=radians(3.0))
-    lamp("AREA", "Rim", 8.0, (0.4, 0.4, 0.3), size=0.25, color=(0.62, 0.78, 1.0), use_shadow=False)
-    ours.lighting, scene.rle_splat.ambient_occlusion, scene.rle_splat.quality = "SCENE", 0.7, "fine"
-    scene.rle_splat.antialias = True
     camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
     scene.collection.objects.link(camera)
     look_from(80.0, 35.0, 2.2)  # a camera sees half of what a viewport does
@@ -139,6 +134,9 @@ def tutorial_of_organs():
     view.shading.use_scene_lights = view.shading.use_scene_world = True
     with in_the_view():
         bpy.ops.view3d.view_center_camera()
+        assert bpy.ops.rle_splat.add_lights(kind="THREE") == {"FINISHED"}
+        activate(volume)
+        scene.rle_splat.quality, scene.rle_splat.antialias = "fine", True
         assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
         assert bpy.ops.rle_splat.add_letters() == {"FINISHED"}
     volume.select_set(False)
@@ -149,7 +147,7 @@ def tutorial_of_organs():
         bpy.data.objects[name].data.body = text
     activate(volume)
     with in_the_view():
-        label_lumen_and_artery(volume)
+        label_lumen(volume)
     view.overlay.show_overlays = False
     activate(volume)
     yield from settled()
