@@ -50,6 +50,7 @@ DARK = (0.012, 0.016, 0.024)  # of the world
 DESCENDING = 0.35  # of the picture's height: how far below the line to the false lumen that of the true lumen ends
 ARTERY = "subclavian_artery_left"  # leaves the scan, and enters it again
 RINGS = "annulus_proper", "sinotubular_junction"  # thin ones, in a color of their own
+SAMPLES = 100  # turns of the window's loop
 GROUND, VESSEL_WINDOW, TURQUOISE = 551.0, (150.0, 900.0), (0.03, 0.6, 0.5)
 
 
@@ -95,7 +96,7 @@ def tutorial_of_organs():
     look_from(76.0, 35.0, 0.55)
     yield from settled()
     yield from wait_for_rest()
-    yield from keep("organs-2-imported", words=numbers((1, 991, 528), (3, 991, 553)))
+    yield from keep("organs-2-imported", words=numbers((1, 991, 528), (3, 991, 553), (4, 991, 447)))
     view.overlay.show_overlays = False  # without box and letters
     yield from wait_for_rest()
     yield from keep("whole", ORGANS)
@@ -131,7 +132,7 @@ def tutorial_of_organs():
     scene.camera, camera.matrix_world = camera, view.region_3d.view_matrix.inverted()
     view.region_3d.view_perspective = "CAMERA"
     view.shading.type = "MATERIAL"
-    view.shading.use_scene_lights = view.shading.use_scene_world = True
+    view.shading.use_scene_world = True
     with in_the_view():
         bpy.ops.view3d.view_center_camera()
         assert bpy.ops.rle_splat.add_lights(kind="THREE") == {"FINISHED"}
@@ -152,6 +153,10 @@ def tutorial_of_organs():
     activate(volume)
     yield from settled()
     yield from fold(688)  # Letters and Names
+    for shading in ("MATERIAL", "SOLID", "MATERIAL"):  # EEVEE draws names with what it had before it compiled theirs
+        view.shading.type = shading
+        for _ in range(SAMPLES):
+            yield
     yield from keep("organs-4-names", words=numbers((1, 991, 739), (2, 142, 459), (3, 1193, 62)))
     ended = []
     bpy.app.handlers.render_complete.append(lambda *_: ended.append(True))
