@@ -33,7 +33,7 @@ class SeveralSeries(RleSplatError):
 
     def __init__(self, groups, titles, asked: int | None = None):
         self.problem = f"There are {len(groups)} series" if asked is None else f"There is no series {asked}"
-        advice = "choose one by its number" if asked is None else f"use 1 to {len(groups)}"
+        advice = "choose one by its number (series)" if asked is None else f"use 1 to {len(groups)}"
         self.groups = tuple(groups)
         self.titles = tuple(titles(group) for group in groups)
         self.thumbnails = None  # one for each group, from whoever shows a chooser

@@ -230,7 +230,7 @@ def _slices_left_out(groups, group: Group, named: bool) -> list[str]:
     if further:
         were = "was" if further == 1 else "were"
         fewer = f"with fewer than {ENOUGH_SLICES} slices"
-        remarks.append(f"{further} other series {fewer} {were} left out; choose one by its number.")
+        remarks.append(f"{further} other series {fewer} {were} left out; choose one by its number (series).")
     return remarks
 
 
