@@ -5,6 +5,7 @@ import math
 import bpy
 from bpy.props import FloatVectorProperty
 
+from ..bridge.live import slice_places
 from ..bridge.look import probe
 from ..bridge.loop import index
 from .refusal import NO_VOLUME, needs, refuse, refuses
@@ -13,8 +14,8 @@ REST = 20.0  # seconds without a move until the mouse is no longer followed
 
 
 class RLE_SPLAT_OT_value_at_surface(bpy.types.Operator):
-    """Show the value, voxel, position and segment at the first visible surface along a ray; in a viewport, under the
-    mouse, as with the tool Window and Level"""
+    """Show the value, voxel, position and segment at the first visible surface along a ray; in a viewport, on the
+    slice or the surface under the mouse, as with the tool Window and Level"""
 
     bl_idname = "rle_splat.value_at_surface"
     bl_label = "Value at Surface"
@@ -34,7 +35,8 @@ class RLE_SPLAT_OT_value_at_surface(bpy.types.Operator):
     def invoke(self, context, event):
         if context.region is None or context.region_data is None:
             return self.execute(context)
-        probe.hover(context, (event.mouse_region_x, event.mouse_region_y))
+        mouse = event.mouse_region_x, event.mouse_region_y
+        probe.hover(context, slice_places.line_under(context, mouse) or probe.line_under(context, mouse))
         if probe.is_watched(context.area):
             return {"PASS_THROUGH"}
         probe.watch(context.area)

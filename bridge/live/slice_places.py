@@ -5,11 +5,13 @@ import math
 import numpy as np
 from mathutils import Matrix, Vector
 
+from ...rle_splat.pipeline.first_surface import point_along
 from ...rle_splat.scene import RleSplatError
 from ...rle_splat.volume.orientation import LETTERS
 from ...rle_splat.volume.slices import SLICE_NAMES
 from ...rle_splat.volume.volume import PATIENT
 from ..look import probe
+from ..scene import render_scene
 from ..scene.viewports import SIDES
 from ..translations import translate
 from ..volumes import box, loading, volumes
@@ -86,6 +88,23 @@ def under(context, mouse):
         if found is not None and found.surface.distance < distance:
             return None
     return nearest
+
+
+def line_under(context, mouse) -> str:
+    """The value of the slice under the mouse, for people; "" where no slice is seen."""
+    one = under(context, mouse)
+    owner = None if one is None else slices.volume_of(one)
+    depsgraph = context.evaluated_depsgraph_get()
+    if owner is None or not loading.is_at_hand(owner, depsgraph):
+        return ""
+    ray = probe.ray_under(context, mouse)
+    try:
+        plain = render_scene.seen_by(owner, depsgraph, probe.ANY_VIEW, with_shadows=False)
+    except RleSplatError as problem:
+        return str(problem)
+    found = point_along(plain, ray.origin, ray.direction, _distance(one, ray))
+    several = len(probe.visible_owners(context)) > 1
+    return "" if found is None else probe.line_of(probe.ProbeHit(found, owner, plain), several)
 
 
 def _distance(one, ray) -> float | None:

@@ -180,9 +180,8 @@ def hovered(area) -> str:
     return _hovered.get(area.as_pointer(), "")
 
 
-def hover(context, mouse) -> None:
+def hover(context, line: str) -> None:
     """Note what lies under the mouse, and redraw the header with the tool's settings, which tell it."""
-    line = line_under(context, mouse)
     address = context.area.as_pointer()
     if _hovered.get(address) != line:
         _hovered.clear()  # the mouse is over one area at a time

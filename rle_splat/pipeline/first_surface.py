@@ -173,6 +173,20 @@ def find_surface(scene: Scene, origin, direction, nearest: float = 0.0, furthest
     return _surface(scene, ray, fine[best], -math.expm1(-depth[best]))
 
 
+def point_along(scene: Scene, origin, direction, distance: float) -> Surface | None:
+    """Find the point of a ray that is so many world units from its origin, such as on a slice.
+
+    Returns
+    -------
+    Surface or None
+        Whether it is visible or not; None outside the box of the voxel centers.
+    """
+    ray = _Ray(scene, origin, direction)
+    enter, leave = ray.way(-math.inf, math.inf)
+    inside = scene.volume.holds_values and enter <= distance <= leave
+    return _surface(scene, ray, distance, 1.0) if inside else None
+
+
 def _depths(t, sigma) -> np.ndarray:
     """(n,) optical depth from the first of the samples at ``t`` (n,) to each of them."""
     return np.concatenate(((0.0,), np.cumsum(0.5 * (sigma[1:] + sigma[:-1]) * np.diff(t))))

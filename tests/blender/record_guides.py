@@ -2,9 +2,9 @@
 
     python3 dev.py blender --photograph tests/blender/record_guides.py --size 1280x800
 
-writes how-to-*.jpg into build/window-shots/record_guides.  In tests/blender/data are: ``scan``, the DICOM
-series of the gallery's skull; ``pet``, a PET series; ``cta_aorta_labels``, the dissected aorta with its segments; and
-the files of RAW, FOOT and HEAD_MR.
+writes how-to-*.jpg into build/window-shots/record_guides.  In tests/blender/data are: ``scan``, the DICOM series of the
+gallery's skull; ``chest``, that of a chest; ``pet``, a PET series; ``cta_aorta_labels``, the dissected aorta with its
+segments; and the files of RAW, FOOT and HEAD_MR.
 how-to-preferences.jpg is a part of preferences.png of window_panels.py, without paths.
 """
 
@@ -45,11 +45,12 @@ from tests.blender.window_driver import (
     window,
 )
 
-HEAD, HEART_CUT = "620x560+140+170", "620x560+153+170"
+HEAD, CUT = "620x560+140+170", "620x560+235+170"
 TOOL = "760x440+0+28"  # with the toolbar and both headers
 BEATING, PANEL = "280x322+380+234", "260x322+990+455"
 RAW = "cthead_256x256x113_uint16be.raw.gz"
 FOOT = "foot_256x256x256_uint8_fromjpeg.raw.gz"
+MEDIASTINUM = 60.0, 400.0  # HU: level and window
 PANELS = ("transfer", "slices", "shading")  # that are open
 
 
@@ -76,15 +77,24 @@ def curve():
 
 
 def window_tool():
-    """The value under the mouse, and a drag."""
-    yield from imported("mr-head", HEAD_MR)
+    """The value under the mouse on an axial slice of a chest, seen from the feet, and a drag that brightens it."""
+    volume = yield from imported("ct-angiography", "chest")
     bare()
-    look_from(80.0, -50.0, 0.72)
-    area_of("VIEW_3D").spaces.active.region_3d.view_location.z -= 0.075  # higher in the picture
+    ours, view = volume.rle_splat, area_of("VIEW_3D").spaces.active
     with in_the_view():
+        activate(volume)
+        assert bpy.ops.rle_splat.add_slice(kind="AXIAL") == {"FINISHED"}
+        activate(volume)
+        ours.opacity_scale = 0.0
+        ours.slices_follow_window, ours.slice_center, ours.slice_width = False, *MEDIASTINUM
         bpy.ops.rle_splat.use_window_tool()
+    bpy.context.scene.view_settings.view_transform = "Standard"  # leaves gray values as they are
+    view.overlay.show_overlays = False
+    view.region_3d.view_perspective = "ORTHO"
+    look_from(180.0, 0.0, 0.62)
+    view.region_3d.view_location += Vector((0.06, 0.07, 0.0))  # farther left and up in the picture
     yield from settled()
-    begin_at, end_at = middle(60.0, 30.0), middle(-100.0, 190.0)
+    begin_at, end_at = middle(-130.0, 130.0), middle(-60.0, 10.0)
     for at in (middle(), begin_at):
         simulate("MOUSEMOVE", "NOTHING", at)
         yield
@@ -97,7 +107,7 @@ def window_tool():
     yield from settled()
     yield from keep("drag", TOOL, [*line(begin_at, end_at), *arrow(end_at)])
     yield from press("ESC", end_at)
-    dragged = "Drag up and to the left: the level rises, the window shrinks"
+    dragged = "Drag down and to the right: the level falls, the window grows"
     beside("how-to-window", {"Read the value under the mouse": "read", dragged: "drag"}, across=1)
     passed("window")
 
@@ -275,36 +285,52 @@ def table():
     passed("table")
 
 
-def cut():
-    """A heart: whole, cut open by a plane and by a box whose handles are shown, and with gray values on the cut."""
-    volume = yield from imported("ct-angiography", HEART)
-    bare()
-    view = area_of("VIEW_3D").spaces.active
-    look_from(78.0, 25.0, 0.5)
-    yield from settled()
-    yield from keep("whole", HEART_CUT)
+def quarter(volume):
+    """Remove a quarter of a head by a box; returns the box and the middle of the head."""
+    corners = module("bridge.volumes.box").world_corners(volume)
+    middle_of, half = Vector(corners.mean(axis=0)), Vector(np.ptp(corners, axis=0)) / 2
     with in_the_view():
+        activate(volume)
+        assert bpy.ops.rle_splat.add_cutting_object(kind="BOX", keep="OUTSIDE") == {"FINISHED"}
+    box = bpy.context.view_layer.objects.active
+    box.matrix_world = Matrix.LocRotScale(middle_of + half, None, half)
+    return box, middle_of
+
+
+def values_on_cut(volume) -> None:
+    ours = volume.rle_splat
+    with in_the_view():
+        activate(volume)
+        assert bpy.ops.rle_splat.gray_values_on_cut() == {"FINISHED"}
+    ours.slices_follow_window, ours.slice_center, ours.slice_width = False, 90.0, 160.0
+    bpy.context.scene.view_settings.view_transform = "Standard"  # leaves gray values as they are
+    area_of("VIEW_3D").spaces.active.shading.type = "MATERIAL"
+
+
+def cut():
+    """A head from behind: whole, cut open by a plane and by a box whose handles are shown, and with gray values."""
+    volume = yield from imported("mr-head", HEAD_MR)
+    bare()
+    volume.rle_splat.smoothness, bpy.context.scene.rle_splat.quality = 2.0, "fine"
+    view = area_of("VIEW_3D").spaces.active
+    look_from(66.0, 135.0, 0.5)
+    yield from settled()
+    yield from keep("whole", CUT)
+    with in_the_view():
+        activate(volume)
         assert bpy.ops.rle_splat.add_cutting_object(kind="PLANE") == {"FINISHED"}
     yield from settled()
-    yield from keep("plane", HEART_CUT)
+    yield from keep("plane", CUT)
     bpy.data.objects.remove(bpy.context.view_layer.objects.active)
-    activate(volume)
-    with in_the_view():
-        assert bpy.ops.rle_splat.add_cutting_object(kind="BOX", keep="INSIDE") == {"FINISHED"}
-    box = bpy.context.view_layer.objects.active
-    box.matrix_world.translation.y += 0.085  # m
+    quarter(volume)
     yield from settled()
-    yield from keep("box", HEART_CUT)
-    activate(volume)
-    with in_the_view():
-        assert bpy.ops.rle_splat.gray_values_on_cut() == {"FINISHED"}
-    ours = volume.rle_splat
-    ours.slices_follow_window, ours.slice_center, ours.slice_width = False, 150.0, 900.0
-    bpy.context.scene.view_settings.view_transform = "Standard"  # leaves gray values as they are
-    view.shading.type, view.overlay.show_overlays = "MATERIAL", False
+    yield from keep("box", CUT)
+    values_on_cut(volume)
+    bpy.data.objects["Cut Box"].hide_set(True)  # with its handles
+    view.overlay.show_overlays = False
     yield from settled()
     yield from wait_for_rest()  # with the shaders of the slice
-    yield from keep("gray", HEART_CUT)
+    yield from keep("gray", CUT)
     named = {"Whole": "whole", "Cut by a plane": "plane", "Cut by a box": "box", "Gray Values on Cut": "gray"}
     beside("how-to-cut", named, across=2)
     passed("cut")
@@ -345,18 +371,8 @@ def live():
     view = area_of("VIEW_3D").spaces.active
     view.lens, view.overlay.show_overlays = 85.0, False  # without the box
     look_from(66.0, 135.0, 0.62)
-    corners = module("bridge.volumes.box").world_corners(volume)
-    middle_of, half = Vector(corners.mean(axis=0)), Vector(np.ptp(corners, axis=0)) / 2
-    with in_the_view():
-        activate(volume)
-        assert bpy.ops.rle_splat.add_cutting_object(kind="BOX", keep="OUTSIDE") == {"FINISHED"}
-    box = bpy.context.view_layer.objects.active
-    box.matrix_world = Matrix.LocRotScale(middle_of + half, None, half)
-    ours = volume.rle_splat
-    with in_the_view():
-        activate(volume)
-        assert bpy.ops.rle_splat.gray_values_on_cut() == {"FINISHED"}
-    ours.slices_follow_window, ours.slice_center, ours.slice_width = False, 90.0, 160.0
+    box, middle_of = quarter(volume)
+    values_on_cut(volume)
     tip = middle_of + Vector((0.012, 0.0005, 0.012))  # half embedded in the coronal cut
     for name, radius, length, color in (
         ("Lead", 0.0007, 0.11, (0.5, 0.53, 0.58)),
@@ -378,8 +394,6 @@ def live():
     activate(volume)
     box.select_set(False)
     box.hide_set(True)  # with its handles
-    bpy.context.scene.view_settings.view_transform = "Standard"  # leaves gray values as they are
-    area_of("VIEW_3D").spaces.active.shading.type = "MATERIAL"
     yield from settled()
     yield from keep("how-to-live")
     passed("live")

@@ -139,6 +139,19 @@ def check_true_gray(name):
     space.shading.light = "STUDIO"
 
 
+def check_value(name):
+    """Over a slice the tool tells the slice's value, and not that of the surface before it."""
+    at = middle(regions()["axial"])
+    for by in range(2):
+        send("MOUSEMOVE", at + by, "NOTHING")
+        yield
+    line = module("bridge.look.probe").hovered(area_of("VIEW_3D"))
+    print(f"over the slice: {line}", flush=True)
+    value, voxel = line.split(", ")[:2]
+    x, y, z = (int(number) for number in voxel.split()[1:])
+    assert z == N // 2 and abs(float(value) - (GRAY + 2 * x + y)) <= 1.5, line  # half a voxel along x and y
+
+
 def check_wheel(name):
     """The wheel over a slice moves that one by a layer; undo brings it back; elsewhere it zooms."""
     before = {kind: one.matrix_world.translation.copy() for kind, one in slices().items()}
@@ -255,7 +268,16 @@ def scenario():
     yield from check_tab()
     passed("check_tab")
     name = yield from set_up()
-    for check in (check_four_up, check_true_gray, check_wheel, check_drag, check_back, check_eye_closed, check_display):
+    for check in (
+        check_four_up,
+        check_true_gray,
+        check_value,
+        check_wheel,
+        check_drag,
+        check_back,
+        check_eye_closed,
+        check_display,
+    ):
         yield from check(name)
         passed(check.__name__)
 

@@ -8,7 +8,7 @@ import pytest
 from rle_splat.accuracy.rays import camera_rays
 from rle_splat.accuracy.truths import truth
 from rle_splat.classify.transfer_function import GradientOpacity, TransferFunction
-from rle_splat.pipeline.first_surface import find_surface
+from rle_splat.pipeline.first_surface import find_surface, point_along
 from rle_splat.scene import Camera, Channel, Clip, Labels, Scene
 from rle_splat.view.turntable import turntable
 from rle_splat.volume.sample import values_at
@@ -194,3 +194,14 @@ def test_a_large_volume_is_read_along_the_ray_only(monkeypatch):
     monkeypatch.setattr(name, lambda volume, at: read.append(len(at)) or values_at(volume, at))
     assert find_surface(scene, (-10.0, -9.0, -11.0), (1.0, 1.0, 1.0)) is None
     assert sum(read) <= 4 * 255 * math.sqrt(3.0) + 2
+
+
+def test_a_point_along_a_ray_has_its_value_whether_visible_or_not():
+    affine = np.diag((*SPACING, 1.0))
+    clear = Scene(sphere(affine), function((0.0, 0.0), (1000.0, 0.0)), Camera())
+    found = point_along(clear, (11.0, 18.0, -5.0), (0.0, 0.0, 3.0), 27.0)  # 11 voxels up
+    assert found.value == 1000.0
+    np.testing.assert_allclose(found.index, (11.0, 12.0, 11.0))
+    np.testing.assert_allclose(found.world, (11.0, 18.0, 22.0))
+    for outside in (4.9, 5.0 + 2.0 * (SIDE - 1) + 0.1, -27.0):
+        assert point_along(clear, (11.0, 18.0, -5.0), (0.0, 0.0, 3.0), outside) is None
