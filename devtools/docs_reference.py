@@ -22,6 +22,7 @@ from types import SimpleNamespace
 
 from rle_splat.classify.presets import PRESETS
 from rle_splat.cli.main import COMMANDS, example
+from rle_splat.read.format import LEVEL, MEANING_OPTIONS, PLACE_OPTIONS
 from rle_splat.read.formats import FORMATS
 from rle_splat.runtime.cache_folder import RELEASE
 
@@ -106,12 +107,14 @@ def presets() -> str:
 
 def formats() -> str:
     """The volume formats that are read and written."""
+    common = (*MEANING_OPTIONS, *PLACE_OPTIONS, LEVEL)
     rows = [
         (f.name, ", ".join(f"`{s}`" for s in f.suffixes), f.description, "yes" if f.write_steps else "no",
-         ", ".join(f"`{o}`" for o in f.all_options))
+         ", ".join(f"`{o}`" for o in f.options if o not in common))
         for f in FORMATS
     ]  # fmt: skip
-    return table(("format", "suffixes", "what is read", "written too", "options of `read_volume`"), rows)
+    options = f"In Python, `read_volume` has the options {', '.join(f'`{o}`' for o in common)} for all formats."
+    return f"{options}\n\n{table(('format', 'suffixes', 'what is read', 'written too', 'further options'), rows)}"
 
 
 # --- Blender ----------------------------------------------------------------------------------------------------------

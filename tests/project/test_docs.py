@@ -252,8 +252,9 @@ def test_the_reference_lists_every_name_of_the_package():
 def test_the_glossary_has_the_words_of_the_project():
     pages = (ROOT / "docs/glossary.md", ROOT / "docs/explanation/glossary.md")
     glossary = "\n".join(page.read_text(encoding="utf-8") for page in pages)
-    terms = re.findall(r"^- \*\*(.+?)\*\*: [A-Z0-9]", glossary, re.MULTILINE)
-    assert len(terms) == len(set(terms)) == len(re.findall(r"^- ", glossary, re.MULTILINE))
+    entries = re.findall(r"^(?:- \*\*(.+?)\*\*: |### (.+)\n\n)[A-Z0-9]", glossary, re.MULTILINE)
+    terms = [one or other for one, other in entries]
+    assert len(terms) == len(set(terms)) == len(re.findall(r"^(?:- |### )", glossary, re.MULTILINE))
     wanted = """
         voxel, transfer function, lookup table, extinction, optical depth, transmittance, opacity, pre-classified,
         post-classified, run, run-length table, voxel record, sheet, sheet buffer, slab, base plane,
