@@ -7,13 +7,14 @@ from pathlib import Path
 
 from ..runtime.steps import Progress
 from .dicom.pictures import hash_text
-from .formats import FORMATS, RAW, format_of
+from .formats import FORMATS, RAW, format_of, suffixes
 from .masks import reads_mask_folder
 
 # Words in the names of label maps, those of masks, which are one organ each, and what is between words.
 LABELS = re.compile(r"^(labels?|labelmaps?|[ad]?segs?|segmentations?|segmented)$")
 MASKS = re.compile(r"^masks?$")
 BETWEEN = re.compile(r"[^a-z0-9]+")
+OF_FORMATS = {word for suffix in suffixes() for word in BETWEEN.split(suffix)} - {"seg"}  # which 3D Slicer appends
 # SOP classes of segmentations, label map segmentations and structure sets, near the beginning of their files.
 CLASSES = re.compile(rb"1\.2\.840\.10008\.5\.1\.4\.1\.1\.(66\.[47]|481\.3)(?![.\d])")
 UID = re.compile(rb"[0-9.]{8,64}")
@@ -75,16 +76,16 @@ def _are_segments_of(file: Path, series: str) -> bool:
 
 
 def _words(name: str) -> set[str]:
-    return set(BETWEEN.split(name.lower().partition(".")[0])) - {""}
+    return set(BETWEEN.split(name.lower())) - OF_FORMATS
 
 
 def _named_as_labels(path: Path) -> list[Path]:
     """The files and folders of labels beside the file of a scan that are more alike to it than to other scans."""
-    suffixes = tuple(suffix for entry in FORMATS if entry is not RAW for suffix in entry.suffixes)
+    images = tuple(suffix for entry in FORMATS if entry is not RAW for suffix in entry.suffixes)
     scans, labels = [path], []
     for other in sorted(Path(entry.path) for entry in islice(os.scandir(path.parent), MOST_FILES)):
         words = _words(other.name)
-        is_labels, is_file = any(map(LABELS.match, words)), other.name.lower().endswith(suffixes)
+        is_labels, is_file = any(map(LABELS.match, words)), other.name.lower().endswith(images)
         if other == path or other.name.startswith("."):
             continue
         if is_labels and (is_file if other.is_file() else reads_mask_folder(other)):

@@ -24,6 +24,7 @@ def add_nifti(folder, *names):
 
 @pytest.mark.parametrize("scan, others, found", [
     ("ct.nii.gz", ("ct_seg.nii.gz",), ["ct_seg.nii.gz"]),
+    ("ct.nii.gz", ("ct.seg.nii.gz", "other.nii.gz"), ["ct.seg.nii.gz"]),  # as 3D Slicer names it
     ("ct.nii.gz", ("segmentations/liver.nii.gz", "segmentations/spleen.nii.gz"), ["segmentations"]),
     ("ct.nii.gz", ("segmentations/notes.nii.gz",), []),  # one file is no folder of masks
     ("heart.nii.gz", ("labels_of_lumen.nii.gz", "mask_trunk.nii.gz"), ["labels_of_lumen.nii.gz"]),
