@@ -9,7 +9,7 @@ import nibabel
 import numpy as np
 import pytest
 
-from tests.blender import scenes
+from tests.blender import layout_recorder, scenes
 
 pytestmark = pytest.mark.usefixtures("by_numpy")
 
@@ -47,6 +47,25 @@ def owner(addon, tmp_path):
     found = scenes.import_raw(tmp_path, scan(), (5.0, 5.0, 5.0), "chest")
     scenes.load_color(tmp_path, (0.9, 0.5, 0.2), opacity=OPACITY)
     return found
+
+
+@pytest.mark.parametrize(
+    "name, options, unit, labels",
+    [("threshold_segment", {}, "HU", ["Lowest Value (HU)", "Highest Value (HU)"]),
+     ("change_segment", {"tool": "GROW"}, "mm", ["Distance (mm)"]),
+     ("change_segment", {"tool": "SMOOTH"}, "mm", ["Radius (mm)"]),
+     ("extract_surface", {"of": "VALUE"}, "HU", ["Value (HU)"])])  # fmt: skip
+def test_dialogs_name_the_unit(addon, name, options, unit, labels):
+    cls = next(one for one in layout_recorder.subclasses(bpy.types.Operator) if one.__name__.endswith(f"_OT_{name}"))
+    log, properties = [], layout_recorder.operator_properties(cls.bl_idname)
+    for option, value in options.items():
+        setattr(properties, option, value)
+    drawn = layout_recorder.Drawn(cls, log, properties)
+    drawn.unit = unit
+    cls.draw(drawn, bpy.context)
+    for option in options:
+        properties.property_unset(option)
+    assert [text for kind, text in log if kind == "text"] == labels
 
 
 def rows_of(owner):
