@@ -12,7 +12,7 @@ from .segmenting import MakesSegments
 
 TOOLS = [
     ("GROW", "Grow", "Add all voxels within a distance, also those of other segments", "FULLSCREEN_ENTER"),
-    ("SHRINK", "Shrink", "Remove all voxels within a distance of its boundary", "FULLSCREEN_EXIT"),
+    ("SHRINK", "Shrink", "Remove all voxels within a distance of the segment's boundary", "FULLSCREEN_EXIT"),
     ("SMOOTH", "Smooth", "Remove bumps, and fill notches, that are smaller than a ball", "SMOOTHCURVE"),
     ("FILL", "Fill Holes", "Add all voxels that the segment encloses and that are in no segment", "SNAP_VOLUME"),
     ("LARGEST", "Keep Largest", "Remove all but the largest connected part", "SNAP_FACE"),
