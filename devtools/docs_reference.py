@@ -131,6 +131,7 @@ class Declared:
     doc: str
     texts: dict[str, str] = field(default_factory=dict)  # its bl_... attributes
     properties: dict[str, dict] = field(default_factory=dict)  # Python name -> kind, name, description, choices
+    methods: list[str] = field(default_factory=list)
 
 
 @cache
@@ -222,6 +223,8 @@ def _declared(node: ast.ClassDef, path: Path, names: dict) -> Declared:
     for item in node.body:
         if isinstance(item, ast.Assign) and isinstance(item.targets[0], ast.Name):
             made.texts[item.targets[0].id] = _value(item.value, names)
+        elif isinstance(item, ast.FunctionDef):
+            made.methods.append(item.name)
         elif isinstance(item, ast.AnnAssign):
             call = docs_panels.declaration(path, item.annotation)
             by_scripts = file.startswith("operators/") and item.target.id != DIALOG
@@ -315,8 +318,11 @@ def panels() -> str:
         known |= {_text(one, "bl_idname"): (_text(one, "bl_label"), sentence(_text(one, "bl_description") or one.doc))
                   for one in _of_kind("RLE_SPLAT_OT_")}  # fmt: skip
         rows: dict[str, str] = {}
-        for _, name, drawn, menu in rows_of(ROOT / file, ours[0].name):
-            if name in known:
+        for kind, name, drawn, menu in rows_of(ROOT / file, ours[0].name):
+            tooltips = _tooltips(name, drawn) if kind == "operator" else None
+            if tooltips:
+                rows |= {_drawn("", [label], menu): sentence(text) for label, text in tooltips.items()}
+            elif name in known:
                 label, meaning = _drawn(known[name][0], drawn, menu), known[name][1]
                 if LINE in meaning and (first := explained.setdefault(meaning, title)) != title:
                     meaning = f"As in {_link(first)}."
@@ -327,6 +333,15 @@ def panels() -> str:
         parts.append(f"Where: {'; '.join(map(_where, ours))}.")
         parts += [table(("button or setting", "what it does"), rows.items())] if rows else []
     return "\n\n".join(parts)
+
+
+def _tooltips(idname: str, labels: list[str]) -> dict[str, str] | None:
+    """The tooltip of each of an operator's buttons, if it describes its choices, as *Add Box* that of Box."""
+    one = next((one for one in _of_kind("RLE_SPLAT_OT_") if _text(one, "bl_idname") == idname), None)
+    entries = _properties(one).values() if one is not None and "description" in one.methods else ()
+    texts = {label: text for entry in entries for _, label, text in entry["choices"] if text}
+    found = {label: texts.get(label.removeprefix("Add ")) for label in labels}
+    return found if len(found) > 1 and all(found.values()) else None
 
 
 def _slug(title: str) -> str:

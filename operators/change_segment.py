@@ -3,6 +3,7 @@
 import bpy
 from bpy.props import EnumProperty, FloatProperty
 
+from ..bridge.translations import with_unit
 from ..bridge.volumes import segments, volumes
 from ..rle_splat.segment.label_map import BACKGROUND
 from ..rle_splat.segment.masks import fill_steps, grow_steps, keep_largest_steps, shrink_steps, smooth_steps
@@ -11,7 +12,7 @@ from .segmenting import MakesSegments
 
 TOOLS = [
     ("GROW", "Grow", "Add all voxels within a distance, also those of other segments", "FULLSCREEN_ENTER"),
-    ("SHRINK", "Shrink", "Remove all voxels within a distance of its boundary", "FULLSCREEN_EXIT"),
+    ("SHRINK", "Shrink", "Remove all voxels within a distance of the segment's boundary", "FULLSCREEN_EXIT"),
     ("SMOOTH", "Smooth", "Remove bumps, and fill notches, that are smaller than a ball", "SMOOTHCURVE"),
     ("FILL", "Fill Holes", "Add all voxels that the segment encloses and that are in no segment", "SNAP_VOLUME"),
     ("LARGEST", "Keep Largest", "Remove all but the largest connected part", "SNAP_FACE"),
@@ -34,6 +35,8 @@ class RLE_SPLAT_OT_change_segment(MakesSegments, bpy.types.Operator):
         name="Distance", description="Distance, or the radius of the ball, in the scan's unit of length, mm for "
         "patients", default=2.0, min=0.001, soft_max=50.0)  # fmt: skip
 
+    unit = ""  # in the labels of the dialog
+
     @classmethod
     def poll(cls, context):
         return super().poll(context) and needs(
@@ -49,12 +52,13 @@ class RLE_SPLAT_OT_change_segment(MakesSegments, bpy.types.Operator):
     def invoke(self, context, _event):
         if self.tool not in OF_LENGTH:
             return self.begin(context)
-        self.is_confirmed = True
+        self.is_confirmed, self.unit = True, volumes.volume_object(context).rle_splat.length_unit
         return context.window_manager.invoke_props_dialog(self)
 
     def draw(self, _context):
+        label = with_unit("Radius" if self.tool == "SMOOTH" else "Distance", self.unit)
         self.layout.use_property_split = True
-        self.layout.prop(self, "length")
+        self.layout.prop(self, "length", text=label, translate=False)
 
     def changes(self, _context, owner, volume):
         tool, length, number = self.tool, self.length, segments.chosen_row(owner).label

@@ -11,6 +11,7 @@ from ..bridge.held import Held
 from ..bridge.look import transfer
 from ..bridge.loop.jobs import StepwiseOperator
 from ..bridge.scene.clip_objects import read_clips
+from ..bridge.translations import with_unit
 from ..bridge.volumes import surface_mesh, volumes
 from ..bridge.volumes.labels import read_labels
 from ..rle_splat.classify.surface import Solid, largest_opacity
@@ -43,16 +44,21 @@ class RLE_SPLAT_OT_extract_surface(StepwiseOperator, bpy.types.Operator):
         default=0.5, min=0.001, max=1.0, subtype="FACTOR")  # fmt: skip
     value: FloatProperty(name="Value", description="Value of the volume at the surface", default=300.0)
 
+    unit = ""  # in the labels of the dialog
+
     poll = classmethod(has_values)
 
     def draw(self, _context):
         layout = self.layout
         layout.use_property_split = True
         layout.prop(self, "of")
-        layout.prop(self, "opacity" if self.of == OPACITY else "value")
+        if self.of == OPACITY:
+            layout.prop(self, "opacity")
+        else:
+            layout.prop(self, "value", text=with_unit("Value", self.unit), translate=False)
 
     def invoke(self, context, _event):
-        self.is_confirmed = True
+        self.is_confirmed, self.unit = True, volumes.volume_object(context).rle_splat.value_unit
         return context.window_manager.invoke_props_dialog(self)
 
     def prepare(self, context):

@@ -4,13 +4,13 @@ import bpy
 
 from ..bridge.held import Held
 from ..bridge.loop import store
-from ..bridge.loop.jobs import READ_BUDGET, StepwiseOperator
+from ..bridge.loop.jobs import READ_BUDGET
 from ..bridge.volumes import labels, loading, volumes
-from .reading import TOO_LARGE
+from .reading import TakesVoxels
 from .refusal import has_editable_values, needs
 
 
-class RLE_SPLAT_OT_load_segments(StepwiseOperator, bpy.types.Operator):
+class RLE_SPLAT_OT_load_segments(TakesVoxels, bpy.types.Operator):
     """Read the segments of the segmentation file into the list, where each has an eye, a color and an opacity"""
 
     bl_idname = "rle_splat.load_segments"
@@ -19,7 +19,6 @@ class RLE_SPLAT_OT_load_segments(StepwiseOperator, bpy.types.Operator):
 
     is_new = False  # Blender pushes the undo step, for UNDO is among ``bl_options``
     time_budget = READ_BUDGET
-    out_of_memory = TOO_LARGE
 
     @classmethod
     def poll(cls, context):

@@ -8,14 +8,20 @@ from ..bridge.volumes.import_source import thumbnail_steps
 from ..rle_splat.read.dicom.grouping import SeveralSeries
 from ..rle_splat.scene import RleSplatError
 
-TOO_LARGE = "There is not enough memory for this volume; crop or downsample it."
+
+class TakesVoxels(StepwiseOperator):
+    """Mix-in for operators that take memory for the voxels of a volume."""
+
+    out_of_memory = (
+        "There is not enough memory for this volume; close other programs, or write a coarser file with rle-splat "
+        "convert --level 1."
+    )
 
 
-class LoadsFirst(StepwiseOperator):
+class LoadsFirst(TakesVoxels):
     """Mix-in for quick operators that need voxels: where they are not in memory, a window first reads them in steps."""
 
     time_budget = READ_BUDGET
-    out_of_memory = TOO_LARGE
 
     def invoke(self, context, _event):
         try:
@@ -32,7 +38,7 @@ class LoadsFirst(StepwiseOperator):
         return self.execute(context)
 
 
-class ReadsFiles(StepwiseOperator):
+class ReadsFiles(TakesVoxels):
     """Mix-in for operators that read volume files, most of them after a dialog.
 
     A subclass defines ``options_again()``: a dict of the properties with which the operator ``operator_again`` reads
@@ -43,7 +49,6 @@ class ReadsFiles(StepwiseOperator):
 
     is_new = False  # Blender pushes the undo step, for UNDO is among ``bl_options``
     time_budget = READ_BUDGET
-    out_of_memory = TOO_LARGE
     operator_again = "import_volume"  # name of an operator
 
     def loading(self, context):

@@ -12,6 +12,7 @@ from ..bridge.loop.jobs import StepwiseOperator
 from ..bridge.pictures import figure
 from ..bridge.render.output_settings import free_path
 from ..bridge.scene import render_scene
+from ..bridge.translations import filled
 from ..bridge.volumes import volumes
 from ..rle_splat.figure.files import sidecar_path
 from ..rle_splat.figure.make import figure_steps
@@ -127,7 +128,7 @@ class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
     def prepare(self, context):
         if tolerance_of(context.scene) is not None:
             raise RleSplatError(
-                "A figure cannot be made with a Maximum Error; set it to 0 in Advanced, then save again."
+                "A figure cannot be made with a Maximum Error; turn it off in Advanced, then save again."
             )
         if not self.filepath:
             raise RleSplatError("The figure has no file; give a path that ends in .svg, .png or .exr.")
@@ -172,7 +173,8 @@ class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
             raise RleSplatError(f"Cannot write {self._path}: {reason}; choose another place.") from None
         if sidecar["missing"]:
             names = ", ".join(sidecar["missing"]).replace("_", " ")
-            self.report({"WARNING"}, f"The figure cannot be made again from its sidecar, which does not hold: {names}.")
+            said = filled("The figure cannot be made again from the file beside it, which lacks: {names}.", names=names)
+            self.report({"WARNING"}, said)
         page, sentences = made.page, " ".join(made.remarks)
         size = f"{page.width} x {page.height} pixels"
         files = f"{os.path.basename(self._path)} ({size}) and {sidecar_path(self._path).name}"

@@ -1,16 +1,15 @@
 """What operators share that make segments: the label map is read, changed and written in steps, then shown."""
 
 from ..bridge.held import Held
-from ..bridge.loop.jobs import StepwiseOperator
 from ..bridge.translations import filled
 from ..bridge.volumes import loading, segments, volumes
-from .reading import TOO_LARGE
+from .reading import TakesVoxels
 from .refusal import has_editable_values
 
 UNSAVED = "The segments are in Blender's temporary folder; save the .blend to keep them."
 
 
-class MakesSegments(StepwiseOperator):
+class MakesSegments(TakesVoxels):
     """Mix-in for operators that add or change a segment of a volume.
 
     A subclass defines ``changes(context, owner, volume)``: a dict of the arguments of ``segments.change_steps`` after
@@ -19,7 +18,6 @@ class MakesSegments(StepwiseOperator):
 
     bl_options = {"UNDO"}  # without REGISTER: Adjust Last Operation (F9) would make it again
     is_new = False  # Blender pushes the undo step, for UNDO is among ``bl_options``
-    out_of_memory = TOO_LARGE
     hide = ""  # as of ``segments.show``
 
     poll = classmethod(has_editable_values)

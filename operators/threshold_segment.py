@@ -3,6 +3,7 @@
 import bpy
 from bpy.props import FloatProperty
 
+from ..bridge.translations import with_unit
 from ..bridge.volumes import segments, volumes
 from ..rle_splat.scene import RleSplatError
 from ..rle_splat.segment.masks import threshold_steps
@@ -19,8 +20,11 @@ class RLE_SPLAT_OT_threshold_segment(MakesSegments, bpy.types.Operator):
     low: FloatProperty(name="Lowest Value", description="Lowest value of the segment's voxels", default=150.0)
     high: FloatProperty(name="Highest Value", description="Highest value of the segment's voxels", default=3000.0)
 
+    unit = ""  # in the labels of the dialog
+
     def invoke(self, context, _event):
         owner = volumes.volume_object(context)
+        self.unit = owner.rle_splat.value_unit
         if not self.properties.is_property_set("low"):
             try:
                 self.low = segments.lowest_visible(owner)
@@ -33,8 +37,8 @@ class RLE_SPLAT_OT_threshold_segment(MakesSegments, bpy.types.Operator):
     def draw(self, _context):
         layout = self.layout
         layout.use_property_split = True
-        layout.prop(self, "low")
-        layout.prop(self, "high")
+        layout.prop(self, "low", text=with_unit("Lowest Value", self.unit), translate=False)
+        layout.prop(self, "high", text=with_unit("Highest Value", self.unit), translate=False)
 
     def changes(self, _context, _owner, volume):
         low, high = self.low, self.high

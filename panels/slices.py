@@ -67,7 +67,7 @@ def draw_window(context, layout, properties) -> None:
     row.menu("RLE_SPLAT_MT_slice_windows", text="", icon="DOWNARROW_HLT")
     row.operator("rle_splat.use_window_tool", text="", icon="MOUSE_LMB_DRAG")
     row = layout.row(align=True)
-    row.prop(properties, "slices_follow_window", icon="LINKED" if is_linked else "UNLINKED", toggle=True)
+    row.prop(properties, "slices_follow_window", toggle=True)
     row.prop(properties, "slices_clear_black", toggle=True)
     view = context.scene.view_settings.view_transform
     if view not in TRUE_GRAYS:

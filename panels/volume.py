@@ -38,7 +38,7 @@ class RLE_SPLAT_PT_volume(Sidebar, bpy.types.Panel):
             layout.menu("RLE_SPLAT_MT_volumes", text=owner.name, icon=icon_of(owner))
             _draw_views(layout, owner.rle_splat)
             draw_state(context, layout)
-            _draw_hidden(layout, owner.rle_splat.labels)
+            _draw_hidden(layout, owner.rle_splat)
         elif volumes.volume_objects(context.scene):
             layout.menu("RLE_SPLAT_MT_volumes", text="Choose a Volume", icon="OUTLINER_OB_VOLUME")
             paragraph(context, layout, WHICH_VOLUME, icon="INFO")
@@ -57,12 +57,13 @@ def _draw_views(layout, properties) -> None:
             sides.operator("rle_splat.frame_volume", text=side).side = side
 
 
-def _draw_hidden(layout, rows) -> None:
+def _draw_hidden(layout, properties) -> None:
     """The eye of what Hide Table has hidden, for a table is not all that lies beside a body."""
+    rows = properties.labels
     if [row.label_name for row in rows] == [one.name for one in NAMES] and not rows[BACKGROUND].show:
         row = layout.row()
         row.label(text="Hidden: table or holder")
-        row.prop(rows[BACKGROUND], "show", text="", icon="HIDE_ON", emboss=False)
+        row.prop(properties, "show_table", text="", icon="HIDE_ON", emboss=False)
 
 
 def _draw_progress(layout) -> None:

@@ -73,15 +73,18 @@ class RLE_SPLAT_AP_preferences(bpy.types.AddonPreferences):
         name="Drafts", items=DRAFT_ITEMS, update=_live_changed,
         description="Resolution of what viewports show while anything changes")  # fmt: skip
     memory_limit: FloatProperty(
-        name="Memory Limit", description="Most memory that one volume or picture may take, in GiB; 0 for all that is "
-        "free", default=0.0, min=0.0, soft_max=256.0, precision=1, update=_memory_limit_changed)  # fmt: skip
+        name="Memory Limit", description="Most memory that one volume or picture may take, in GiB",
+        default=0.0, min=0.0, soft_max=256.0, precision=1, update=_memory_limit_changed)  # fmt: skip
     use_free_memory: BoolProperty(
         name="All Free Memory", description="Let a volume or a picture take all memory that is free",
         **switch("memory_limit", 0.0, 8.0))  # fmt: skip
     threads: IntProperty(
-        name="Threads", description=("Number of threads, for scenes that do not set their own; 0 "
-            "uses all processor cores"), default=0,
-        min=0, soft_max=64)  # fmt: skip
+        name="Threads",
+        description="Number of threads, for scenes that do not set their own",
+        default=0,
+        min=0,
+        soft_max=64,
+    )
     use_all_cores: BoolProperty(
         name="All Cores", description="Use as many threads as the processor has cores",
         **switch("threads", 0, os.cpu_count() or 1))  # fmt: skip

@@ -151,7 +151,7 @@ class SceneSettings(bpy.types.PropertyGroup):
     max_error: LiveFloat(
         name="Maximum Error", default=0.0, min=0.0, soft_max=16.0, precision=2,
         description="Largest allowed error of a color, in 8-bit steps, of which 255 lead from black to white. "
-        "The picture's error is measured and reported. 0 uses Quality")  # fmt: skip
+        "The picture's error is measured and reported")  # fmt: skip
     use_max_error: BoolProperty(
         name="Maximum Error", description="Use the fastest settings expected to stay below an error, instead of "
         "Quality",
@@ -189,9 +189,7 @@ class SceneSettings(bpy.types.PropertyGroup):
     rays: LiveFloat(
         name="Exact Pixels", description=PLAIN_TEXTS["rays"], default=USUAL.rays, min=0.0, soft_max=1.0, precision=3
     )
-    threads: LiveInt(
-        name="Threads", description="Number of threads; 0 uses all processor cores", default=0, min=0, soft_max=64
-    )
+    threads: LiveInt(name="Threads", description="Number of threads", default=0, min=0, soft_max=64)
     use_all_cores: BoolProperty(
         name="All Cores", description="Use as many threads as the processor has cores",
         **switch("threads", 0, os.cpu_count() or 1))  # fmt: skip

@@ -118,10 +118,7 @@ class SourceOptions:
     grid: StringProperty(
         name="Grid", description="Name of the grid in a VDB file; name[1] is the second grid of that name. Empty uses "
         "the grid density, or else the first grid of numbers")  # fmt: skip
-    series: IntProperty(
-        name="Series", description=("Number of the series if the folder holds several; 0 uses the"
-            " only one"), default=0,
-        min=0)  # fmt: skip
+    series: IntProperty(name="Series", description="Number of the series if the folder holds several", default=0, min=0)
     use_only_series: BoolProperty(
         name="Single Series", description="Read the only series of the folder, or ask which one if there are several",
         **switch("series", 0, 1))  # fmt: skip
@@ -129,16 +126,16 @@ class SourceOptions:
         name="Series Hash", description="Hash of the identifier of the DICOM series, by which it is found again",
         options={"HIDDEN"})  # fmt: skip
     frame: IntProperty(
-        name="Time Point", description="Number of the time point, from 1, if the file holds several; 0 uses the "
-        "first", default=0, min=0)  # fmt: skip
+        name="Time Point", description="Number of the time point, from 1, if the file holds several", default=0,
+        min=0)  # fmt: skip
     level: IntProperty(
-        name="Resolution Level", description=("Level of an OME-Zarr pyramid: 0 is the finest, -1 the finest"
-            " that fits into memory at the import"), default=-1, min=-1)  # fmt: skip
+        name="Resolution Level", description="Level of an OME-Zarr pyramid; 0 is the finest", default=-1, min=-1
+    )
     use_fitting_level: BoolProperty(
         name="Finest That Fits in Memory", description="Read the finest level whose voxels fit into memory",
         **switch("level", -1, 0))  # fmt: skip
     use_first_frame: BoolProperty(
-        name="First Volume", description="Read the first time point, and show others with the timeline",
+        name="First Time Point", description="Read the first time point, and show others with the timeline",
         **switch("frame", 0, 1))  # fmt: skip
     use_sequence: BoolProperty(
         name="Sequence", description="Read files whose names differ in their last number alone, such as "

@@ -8,6 +8,7 @@ object, so that it can be keyframed.
 import bpy
 
 from ...rle_splat import scene as tables
+from ...rle_splat.segment.label_map import BACKGROUND
 from ..look import mode_window
 from ..look.preset_entries import modality_of
 from ..look.transfer_nodes import is_transfer_tree
@@ -106,6 +107,11 @@ def _flip(group, on: bool) -> None:
     group.clip_keep = "OUTSIDE" if on else "INSIDE"
 
 
+def _show_table(group, on: bool) -> None:
+    if len(group.labels) > BACKGROUND:
+        group.labels[BACKGROUND].show = on
+
+
 def _labels_chosen(group, context):
     make_absolute(group, "label_file")
     group.label_frames = 1  # until it is read
@@ -176,6 +182,9 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
             "patient"),
         subtype="FILE_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"}, update=_labels_chosen)  # fmt: skip
     labels: CollectionProperty(type=LabelProperties, name="Segments", description="Appearance of each segment")
+    show_table: BoolProperty(
+        name="Show Table", description="Show the table or holder again", set=_show_table,
+        get=lambda group: len(group.labels) > BACKGROUND and group.labels[BACKGROUND].show)  # fmt: skip
     labels_of: StringProperty(
         name="Segments Of", description="Name of the segmentation file whose segments are listed", options={"HIDDEN"}
     )
@@ -217,7 +226,7 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         options={"HIDDEN"})  # fmt: skip
     slice_position: FloatProperty(
         name="Position", description="Position of the slice along the volume's axis. For patients in mm, in "
-        "DICOM's coordinates, which grow toward the left, back and head",
+        "DICOM's coordinates. L+, P+ and S+: the number grows toward the left, back or head",
         precision=1, step=100, options=set(), get=_slice_position, set=_move_slice)  # fmt: skip
     slices_follow_window: BoolProperty(
         name="From Volume", default=True, update=_unlink_slices,

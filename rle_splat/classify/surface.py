@@ -108,8 +108,7 @@ def field_steps(solid: Solid):
     """
     volume, span = solid.volume, solid.span
     shape = tuple(n + 2 for n in volume.voxels.shape)
-    refuse_beyond(BYTES_PER_VOXEL * int(np.prod(shape, dtype=np.int64)), "The surface needs",
-                  "crop or downsample the volume")  # fmt: skip
+    refuse_beyond(BYTES_PER_VOXEL * int(np.prod(shape, dtype=np.int64)), "The surface needs")
     field = np.full(shape, -SUNK * span, np.float32)
     has_inside = False
     for z in range(len(volume.voxels)):

@@ -1,5 +1,7 @@
 """The box around the voxels that a transfer function shows."""
 
+from functools import reduce
+
 import numpy as np
 
 from .reference import find_seen
@@ -32,7 +34,7 @@ def visible_box(volume, tf, labels=None) -> tuple[np.ndarray, np.ndarray] | None
         seen = find_seen(usual, values)
         for opacity, (_, numbers) in groups.items():
             own = find_seen(shown[opacity], values) if opacity in shown else False
-            seen = np.where(np.isin(numbers_of[z], numbers), own, seen)
+            np.copyto(seen, own, where=reduce(np.logical_or, (numbers_of[z] == number for number in numbers)))
         rows |= seen.any(axis=1)
         across = seen.any(axis=0)
         columns |= across

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..runtime.memory import available_bytes, bytes_text
+from ..runtime.memory import COARSER, available_bytes, bytes_text
 from ..runtime.work_sizes import (
     BRICK_SIDE,
     MESH_SAMPLES,
@@ -296,6 +296,6 @@ def refuse_too_much(wanted: MemoryEstimate) -> None:
     less += ["encode one principal axis at a time, "] if tables.axes > 1 and not wanted.picture else []
     raise TooLargeError(
         f"The {wanted.visible_voxels} voxels {which} need about {bytes_text(wanted.needed)} of memory and "
-        f"{bytes_text(free)} are free; to need less, {''.join(less)}narrow the transfer function, or crop or "
-        "downsample the volume."
+        f"{bytes_text(free)} are free; to need less, {''.join(less)}narrow the transfer function, or "
+        f"{COARSER}."
     )

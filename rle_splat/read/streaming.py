@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..runtime.memory import bytes_text, refuse_beyond
+from ..runtime.memory import READING_REMEDY, bytes_text, refuse_beyond
 from ..runtime.steps import Progress, map_steps, rescale
 from ..scene import RleSplatError
 from ..volume.volume import STORED_TYPES
@@ -140,12 +140,11 @@ def allocate(path, shape, dtype, held: int | None = None) -> np.ndarray:
     if held is not None and needed > held:
         raise breaks_off(path, held, needed)
     what = f"The {' x '.join(map(str, shape))} voxels of {Path(path).name}"
-    remedy = "crop or downsample the volume"
-    refuse_beyond(needed, f"{what} need", remedy)
+    refuse_beyond(needed, f"{what} need", READING_REMEDY)
     try:
         return np.empty(shape[::-1], dtype=dtype)
     except MemoryError:
-        raise RleSplatError(f"{what} do not fit into memory; {remedy}.") from None
+        raise RleSplatError(f"{what} do not fit into memory; {READING_REMEDY}.") from None
 
 
 def bytes_held(path, offset: int = 0, packing: str | None = None) -> int:
@@ -325,7 +324,7 @@ def storable_steps(voxels: np.ndarray, doing: str):
 def convert_steps(voxels: np.ndarray, dtype, doing: str):
     """Generator of Progress: the voxels in another type, plane by plane."""
     needed = voxels.size * np.dtype(dtype).itemsize
-    refuse_beyond(needed, "A copy of the voxels in another type needs", "crop or downsample the volume")
+    refuse_beyond(needed, "A copy of the voxels in another type needs", READING_REMEDY)
     converted = np.empty(voxels.shape, dtype=dtype)
     for plane, target in zip(voxels, converted):
         target[...] = plane

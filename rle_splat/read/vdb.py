@@ -24,6 +24,7 @@ SIGNED_DISTANCE = "signed distance"  # value unit of a level set; negative insid
 DENSE_LIMIT = 1 << 32  # bytes; 1024^3 floats. A few distant voxels could span any amount
 FURTHEST = 1 << 30  # largest voxel index along an axis; OpenVDB uses 32-bit indices
 CHUNK = 8  # slices copied at once, one leaf of the tree
+LARGER_VOXELS = "export it again with larger voxels"
 PROBE_INDICES = ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))
 OPENVDB_PROBLEMS = (OSError, RuntimeError, LookupError, ValueError, TypeError)
 
@@ -155,7 +156,7 @@ def read_vdb_steps(path: str | Path, grid=None):
         raise _damage_error(path, problem) from None
     except MemoryError:
         raise RleSplatError(
-            f"The grid {label!r} does not fit into memory as a dense volume; crop or downsample it."
+            f"The grid {label!r} does not fit into memory as a dense volume; {LARGER_VOXELS}."
         ) from None
     if not source.transform.isLinear:
         raise RleSplatError(f"The grid {label!r} has a frustum transform; resample it to a box of voxels first.")
@@ -193,9 +194,9 @@ def _dense_steps(grid, label: str):
     if needed > DENSE_LIMIT:
         raise RleSplatError(
             f"The active voxels of the grid {label!r} span {nx} x {ny} x {nz} voxels, {needed / 2**30:.1f} GiB as a "
-            f"dense volume; the limit is {DENSE_LIMIT >> 30} GiB: crop or downsample it."
+            f"dense volume; the limit is {DENSE_LIMIT >> 30} GiB; {LARGER_VOXELS}."
         )
-    refuse_beyond(needed, f"The {nx} x {ny} x {nz} voxels of the grid {label!r} need", "crop or downsample it")
+    refuse_beyond(needed, f"The {nx} x {ny} x {nz} voxels of the grid {label!r} need", LARGER_VOXELS)
     doing = f"reading the grid {label} ({grid_text((nx, ny, nz), kind)})"
     voxels = np.empty((nz, ny, nx), dtype=kind)
     for z in range(0, nz, CHUNK):  # OpenVDB fills C-ordered (x, y, z) arrays; transpose one chunk at a time

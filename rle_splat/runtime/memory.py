@@ -17,6 +17,9 @@ GROUP_OF_PROCESS = Path("/proc/self/cgroup")
 GROUPS = Path("/sys/fs/cgroup")
 ADDRESS_SPACE_USED = Path("/proc/self/statm")
 STATUS = Path("/proc/self/status")
+COARSER = "write a coarser file with rle-splat convert --level 1"
+REMEDY = f"close other programs, or {COARSER}"  # where voxels are in memory
+READING_REMEDY = f"{REMEDY} on a computer with more memory"  # where convert would need as much
 
 
 class _Limit:
@@ -57,7 +60,7 @@ def available_bytes() -> int:
     return max(min(_machine_free(), _group_free(), _address_space_free(), _Limit.most, own), 0)
 
 
-def refuse_beyond(needed: int, what: str, remedy: str) -> None:
+def refuse_beyond(needed: int, what: str, remedy: str = REMEDY) -> None:
     """RleSplatError when ``needed`` bytes for ``what`` are more than there is; ``remedy``: what would help."""
     free = available_bytes()
     if needed > free:

@@ -36,7 +36,7 @@ def load(module: str, package: str):
 
 def check_memory(voxels: int) -> None:
     """Refuse work on more voxels than memory has room for."""
-    refuse_beyond(voxels * BYTES, "The segment tool needs", "crop or downsample the volume")
+    refuse_beyond(voxels * BYTES, "The segment tool needs")
 
 
 def box_of(mask: np.ndarray, spacing, length: float = 0.0) -> tuple:

@@ -54,7 +54,7 @@ def on_grid_steps(one: Volume, volume: Volume, values: bool = False):
         return one
     needed = math.prod(volume.shape_xyz) * one.voxels.dtype.itemsize
     what = "A channel" if values else "Labels"
-    refuse_beyond(needed, f"{what} on the grid of the volume need", "crop or downsample the volume")
+    refuse_beyond(needed, f"{what} on the grid of the volume need")
     doing = DOING.format("a channel" if values else "the labels")
     yield Progress(0.0, doing)
     own, moved = move_corners(volume, one)

@@ -112,7 +112,7 @@ def test_too_little_memory_is_refused_before_the_work(volume, core, operator, cl
     for module in ("pipeline.memory_estimate", "pipeline.stage_cache", "runtime.memory"):
         monkeypatch.setattr(core(module), "available_bytes", lambda: free)
     images = len(bpy.data.images)
-    with pytest.raises(RuntimeError, match=r"are free; to need less, .*crop or downsample") as refusal:
+    with pytest.raises(RuntimeError, match=r"are free; to need less, .*write a coarser file") as refusal:
         getattr(bpy.ops.rle_splat, operator)()
     assert "Traceback" not in str(refusal.value) and len(bpy.data.images) == images
     assert classification == "pre" or "records" not in str(refusal.value)  # of which post has none

@@ -9,7 +9,7 @@ import nibabel
 import numpy as np
 import pytest
 
-from tests.blender import scenes
+from tests.blender import layout_recorder, scenes
 
 pytestmark = pytest.mark.usefixtures("by_numpy")
 
@@ -49,6 +49,25 @@ def owner(addon, tmp_path):
     return found
 
 
+@pytest.mark.parametrize(
+    "name, options, unit, labels",
+    [("threshold_segment", {}, "HU", ["Lowest Value (HU)", "Highest Value (HU)"]),
+     ("change_segment", {"tool": "GROW"}, "mm", ["Distance (mm)"]),
+     ("change_segment", {"tool": "SMOOTH"}, "mm", ["Radius (mm)"]),
+     ("extract_surface", {"of": "VALUE"}, "HU", ["Value (HU)"])])  # fmt: skip
+def test_dialogs_name_the_unit(addon, name, options, unit, labels):
+    cls = next(one for one in layout_recorder.subclasses(bpy.types.Operator) if one.__name__.endswith(f"_OT_{name}"))
+    log, properties = [], layout_recorder.operator_properties(cls.bl_idname)
+    for option, value in options.items():
+        setattr(properties, option, value)
+    drawn = layout_recorder.Drawn(cls, log, properties)
+    drawn.unit = unit
+    cls.draw(drawn, bpy.context)
+    for option in options:
+        properties.property_unset(option)
+    assert [text for kind, text in log if kind == "text"] == labels
+
+
 def rows_of(owner):
     return [(row.label, row.label_name, row.show) for row in owner.rle_splat.labels]
 
@@ -81,6 +100,9 @@ def test_remove_table_shows_the_body_alone(owner):
     table_row = 24 - round((0.5 * (N - 1) + 15.0) * 5.0 - 97.5) * 48 // 240  # y of the table in the picture
     assert before[table_row, 20:28, 3].min() > 0.5 and after[table_row, 20:28, 3].max() == 0.0
     np.testing.assert_allclose(after[26:32, 18:30], before[26:32, 18:30], atol=1e-3)
+    assert not owner.rle_splat.show_table
+    owner.rle_splat.show_table = True
+    assert rows_of(owner)[0] == (0, "Background", True) and owner.rle_splat.show_table
 
 
 def test_keep_connected_follows_what_is_shown_and_hides_the_rest(owner):

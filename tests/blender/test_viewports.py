@@ -82,6 +82,25 @@ def test_a_volume_is_framed(viewport, bridge, tmp_path):
     assert tuple(view.view_location) == (0.0, 0.0, 0.0)
 
 
+def test_what_is_visible_is_framed(viewport, bridge, tmp_path, monkeypatch):
+    voxels = np.zeros((20, 20, 20), np.uint8)
+    voxels[5:8, 9:12, 12:15] = 200
+    owner, view = scenes.import_raw(tmp_path, voxels), viewport.spaces.active.region_3d
+    view.view_perspective = "PERSP"
+    whole, places = bridge("volumes.box").world_corners(owner).mean(axis=0), []
+    for opacity, is_at_hand in ((((100.0, 0.0), (200.0, 1.0)), True), (((100.0, 0.0), (200.0, 1.0)), False),
+                                (((0.0, 0.0), (255.0, 0.0)), True)):  # fmt: skip
+        scenes.give_transfer(owner, opacity, (1.0, 1.0, 1.0))
+        monkeypatch.setattr(bridge("volumes.loading"), "is_at_hand", lambda *_, found=is_at_hand: found)
+        bpy.ops.rle_splat.frame_volume()
+        places.append((*view.view_location, view.view_distance))
+    there = np.array(owner.matrix_world)
+    middle = there[:3, :3] @ (13.0, 10.0, 6.0) + there[:3, 3]
+    np.testing.assert_allclose(places[0][:3], middle, atol=1e-4)
+    assert places[0][3] < 0.4 * places[1][3] and places[1] == places[2]
+    np.testing.assert_allclose(places[1][:3], whole, atol=1e-4)
+
+
 def test_a_view_at_the_origin_of_a_volume_is_moved_back_and_no_other(viewport, bridge, tmp_path):
     """As Local View leaves it: at the corner of the volume, so near that a part of it is seen."""
     owner = scenes.import_raw(tmp_path, CUBE)
@@ -113,6 +132,7 @@ def test_a_patient_is_seen_from_a_side(viewport, bridge, core, tmp_path, refused
 def test_what_cannot_be_framed_is_said(viewport, tmp_path, refused):
     owner = scenes.import_raw(tmp_path, CUBE)
     owner.instance_collection.objects[0].data.clear_geometry()
+    (tmp_path / "cube.raw").unlink()
     refused(bpy.ops.rle_splat.frame_volume, "was changed or removed")
     viewport.type = "TEXT_EDITOR"
     refused(bpy.ops.rle_splat.frame_volume, "No 3D viewport is open")

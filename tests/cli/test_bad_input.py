@@ -334,7 +334,7 @@ def test_too_little_memory_is_told_beforehand(render_refused, refused, raw, raw_
         "info", raw, *raw_options, "--header-bytes", "0", "--byte-order", "big", "--dtype", "uint16",
         "--shape", "20", "16", "6",
     )  # fmt: skip
-    assert "crop or downsample the volume" in sentence
+    assert "close other programs, or write a coarser file" in sentence
 
 
 def test_debug_shows_the_traceback(call, tmp_path):

@@ -212,7 +212,7 @@ def test_the_reference_lists_every_panel_with_its_settings():
     for texts in panels.values():
         assert "bl_label" not in texts or f"> {texts['bl_label']}" in text, texts
     for label in ("*Maximum Error*", "*Ambient Occlusion*", "Camera View > *Keep Up to Date*", "*Level*",
-                  "*Add Box*, *Add Plane*",
+                  "*Add Box*", "Segment Tools > *Grow*",
                   "*Axial*, *Coronal*, *Sagittal*", "*Insert Keyframes*", "Segment Tools > *Hide Table*",
                   "*Remove Channel (icon)*", "Camera View > *Preview Position*", "*Meshes Hide Volume*",
                   "*White Background*, *Black Background*", "*Cut Along View*"):  # fmt: skip

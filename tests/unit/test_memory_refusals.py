@@ -69,8 +69,8 @@ def test_too_little_memory_is_refused_with_what_to_do(share, axes, monkeypatch):
     sentence, peak = traced(refused)
     assert re.fullmatch(
         rf"The \d+ voxels that the transfer function shows need about \S+ \w+ of memory and \S+ \w+ are free; to need "
-        rf"less, use voxel records of {RECORDS[-1]} bytes, {one_by_one}narrow the transfer function, or crop or "
-        r"downsample the volume\.", sentence,
+        rf"less, use voxel records of {RECORDS[-1]} bytes, {one_by_one}narrow the transfer function, or write a "
+        r"coarser file with rle-splat convert --level 1\.", sentence,
     ), sentence  # fmt: skip
     assert peak < 0.2 * needed  # nothing was taken yet
 

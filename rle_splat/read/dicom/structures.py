@@ -80,7 +80,7 @@ def read_structures_steps(path, volume: Volume):
     highest = max(region.number for region in here)
     dtype = np.dtype(np.uint8 if highest < 256 else np.uint16)
     needed = volume.voxels.size * dtype.itemsize
-    refuse_beyond(needed, f"Labels of {bytes_text(needed)} need", "crop or downsample the scan")
+    refuse_beyond(needed, f"Labels of {bytes_text(needed)} need")
     merged, overlaps, interpolated, labels = np.zeros(volume.voxels.shape, dtype), 0, 0, []
     for number, region in enumerate(here):
         voxels = 0
