@@ -49,6 +49,7 @@ BLENDERS = {  # what Blender declares, by the name in a panel
     "hide_render": ("Hide in Renders", "Hide this object in renders."),
     "use_lock_interface": ("Lock Interface", "Lock Blender's window during renders. Without this, Blender may crash."),
 }
+FILES = {"ImportHelper": "The file to read", "ExportHelper": "The file to write"}  # Blender's bases that have filepath
 FILE_OPTIONS_AT = "RLE_SPLAT_OT_import_volume"  # the operator that lists the options of a file for all
 GROUPS = {  # a property group -> how a script reaches it
     "SceneSettings": "scene.rle_splat",
@@ -285,6 +286,9 @@ def operators() -> str:
         tooltip = _text(one, "bl_description") or one.doc
         parts += [f"## {_text(one, 'bl_label')}", f"`bpy.ops.{_text(one, 'bl_idname')}()`. {sentence(tooltip)}"]
         properties = _properties(one)
+        for base in FILES.keys() & set(one.bases):
+            path = {"name": "File Path", "kind": "string", "description": FILES[base]}
+            properties = {"filepath": dict.fromkeys(("default", "range", "choices"), "") | path} | properties
         if one.name != FILE_OPTIONS_AT and "SourceOptions" in (part.name for part in _with_bases(one)):
             properties = {name: entry for name, entry in properties.items()
                           if name not in blender_classes()["SourceOptions"].properties}  # fmt: skip
