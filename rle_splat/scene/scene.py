@@ -103,7 +103,10 @@ class Scene:
         (left, top, right, bottom), half-open, in pixels of the whole frame, row 0 at the top. Only these pixels are
         rendered, bit-identical to those of the whole frame. None for the whole frame.
     effects : dict of str to bool
-        Effect name -> forced on or off, whatever the rest of the scene needs.
+        Effects to force on (True) or off (False); all others are on if the scene needs them. Names: "mode", "gradient
+        opacity", "shading", "lights", "headlight", "specular", "world light", "shadows", "ambient occlusion", "mesh
+        occlusion", "glass", "clipping", "depth of field", "motion blur", "clip objects", "labels", "channels",
+        "indirect light" and "mist".
     motion : tuple of Pose
         Poses at equal steps of time from the opening to the closing of the shutter; empty for no motion blur. The
         depth is that of the camera's and the volume's own matrices.
