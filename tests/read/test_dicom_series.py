@@ -188,7 +188,9 @@ def test_other_pictures_that_are_left_out_are_told(tmp_path: Path):
     phantoms.write_classic(tmp_path, phantoms.geometry("one", (1, 0, 0), (0, 0, -1), [0.0]), first=90)
     volume = read_volume(tmp_path)
     assert error_of(volume) <= 0.05 + 1e-6
-    assert volume.remarks == ("1 other series with fewer than 3 slices was left out; choose one by its number (series).",)
+    assert volume.remarks == (
+        "1 other series with fewer than 3 slices was left out; choose one by its number (series).",
+    )
     assert "single picture" in refusal(tmp_path, series=2)
 
 
@@ -203,7 +205,10 @@ def two_series(folder: Path) -> None:
 def test_several_series_are_listed(tmp_path: Path):
     two_series(tmp_path)
     text = refusal(tmp_path)
-    assert "choose one by its number (series)" in text and "1 is CT HEAD, 36 x 33, 9 slices, 0.6 x 0.6 x 1.5 mm; 2 is CT" in text
+    assert (
+        "choose one by its number (series)" in text
+        and "1 is CT HEAD, 36 x 33, 9 slices, 0.6 x 0.6 x 1.5 mm; 2 is CT" in text
+    )
     assert read_volume(tmp_path, series=1).affine[1, 2] == 0.0
     assert read_volume(tmp_path, series=2).affine[1, 2] > 0.4
     assert "There is no series 3" in refusal(tmp_path, series=3)
