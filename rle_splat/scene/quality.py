@@ -228,7 +228,7 @@ class Quality:
     name : str
         Name of the preset, or another one for reports.
     exact_light : bool or None
-        Whether what arrives of lamps and of ambient light is traced by rays beside each voxel, not read from a grid:
+        Whether what arrives of lights and of ambient light is traced by rays beside each voxel, not read from a grid:
         slower and exact. The preset "strict" has it, and plans for a tolerance. Only "post".
     held : bool
         Whether these settings are used as they are. Without it, those of a preset may be replaced by others in
