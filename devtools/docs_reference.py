@@ -44,17 +44,13 @@ LINE = "<br>"  # between choices that have lines of their own
 IMAGES = ROOT / "docs" / "images"
 DIALOG = "use_dialog"  # which scripts need not set
 UNSET = "If unset"  # in the description of a property that has another default than its type's
-BLENDERS = {  # what Blender or an effect declares, by the name or the label in a panel
+BLENDERS = {  # what Blender declares, by the name in a panel
     "show_object_viewport_volume": ("Eye", "Show volumes live in this viewport."),
     "hide_viewport": ("Hide in Viewports", "Hide this object in viewports."),
     "hide_render": ("Hide in Renders", "Hide this object in renders."),
     "use_lock_interface": ("Lock Interface", "Lock Blender's window during renders. Without this, Blender may crash."),
-    "Shadows on Meshes": (
-        "Shadows on Meshes",
-        "Whether the volume casts shadows on meshes: where the scene needs them (*Auto*), "
-        "always (*On*) or never (*Off*).",
-    ),
 }
+FILES = {"ImportHelper": "The file to read", "ExportHelper": "The file to write"}  # Blender's bases that have filepath
 FILE_OPTIONS_AT = "RLE_SPLAT_OT_import_volume"  # the operator that lists the options of a file for all
 GROUPS = {  # a property group -> how a script reaches it
     "SceneSettings": "scene.rle_splat",
@@ -296,6 +292,9 @@ def operators() -> str:
         tooltip = _text(one, "bl_description") or one.doc
         parts += [f"## {_text(one, 'bl_label')}", f"`bpy.ops.{_text(one, 'bl_idname')}()`. {sentence(tooltip)}"]
         properties = _properties(one)
+        for base in FILES.keys() & set(one.bases):
+            path = {"name": "File Path", "kind": "string", "description": FILES[base]}
+            properties = {"filepath": dict.fromkeys(("default", "range", "choices"), "") | path} | properties
         if one.name != FILE_OPTIONS_AT and "SourceOptions" in (part.name for part in _with_bases(one)):
             properties = {name: entry for name, entry in properties.items()
                           if name not in blender_classes()["SourceOptions"].properties}  # fmt: skip
@@ -314,7 +313,8 @@ def panels() -> str:
     explained: dict[str, str] = {}  # a setting with its choices -> the panel that had it first
     for file, ours in in_order:
         title = _text(ours[0], "bl_label")
-        known = BLENDERS | {name: (entry["name"], _meaning(entry)) for name, entry in _settings_of(file).items()}
+        known = BLENDERS | _effects()
+        known |= {name: (entry["name"], _meaning(entry)) for name, entry in _settings_of(file).items()}
         known |= {_text(one, "bl_idname"): (_text(one, "bl_label"), sentence(_text(one, "bl_description") or one.doc))
                   for one in _of_kind("RLE_SPLAT_OT_")}  # fmt: skip
         rows: dict[str, str] = {}
@@ -376,6 +376,15 @@ def _settings_of(file: str) -> dict[str, dict]:
         name: entry for group in groups for name, entry in _properties(blender_classes()[group]).items()
         if entry["name"]
     }  # fmt: skip
+
+
+def _effects() -> dict[str, tuple[str, str]]:
+    """Label -> label and tooltip of the effects, which panels draw beside their labels."""
+    of = SimpleNamespace(**_namespace(ROOT / "bridge" / "data" / "effects.py"))
+    return {
+        of.title(name): (of.title(name), _meaning({"description": text, "choices": of.items_of(name)}))
+        for name, text in of.TEXTS.items()
+    }
 
 
 def _where(one: Declared) -> str:

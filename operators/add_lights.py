@@ -18,13 +18,14 @@ from .reading import LoadsFirst
 from .refusal import has_editable_values, refuses
 
 MARK = "rle_splat_lights"  # custom property of the collection and of its lights: the name of the volume they are for
+BEFORE = "rle_splat_before_lights"  # of the volume: what the last recipe changed of it, as (value before, value set)
 FROM_THE_FRONT = Matrix.Rotation(np.pi / 2.0, 3, "X").to_quaternion()  # the view along +Y, with +Z up
 
 
 class RLE_SPLAT_OT_add_lights(LoadsFirst, bpy.types.Operator):
     """Add lights that suit the volume in place of those that this button added before, and set Light Source, Shadows,
-    Ambient Occlusion and Scattering to go with them. Left and right are those of the active camera, or else of the 3D
-    viewport"""
+    Ambient Occlusion and Scattering to go with them. Skin and Smoke also set the surface, and the next kind brings it
+    back. Left and right are those of the active camera, or else of the 3D viewport"""
 
     bl_idname = "rle_splat.add_lights"
     bl_label = "Add Lights"
@@ -122,13 +123,22 @@ def _light_data(light, side: float):
 def _apply_settings(owner, scene, recipe, side: float) -> list[str]:
     """Set what goes with a recipe, and return the labels of it, without effects of the scene that it turns off."""
     unit = scene_scale_of(scene, owner.rle_splat.length_unit) * owner.matrix_world.median_scale
-    of_volume = {"lighting": "SCENE", **recipe.volume}
-    if "smoothness" in of_volume:
-        of_volume["smoothness"] = min(of_volume["smoothness"], SMOOTHEST * side / unit)
+    of_recipe = dict(recipe.volume)
+    if "smoothness" in of_recipe:
+        of_recipe["smoothness"] = min(of_recipe["smoothness"], SMOOTHEST * side / unit)
+    before = _settings_before(owner)
     labels = []
+    of_volume = {"lighting": "SCENE", **before, **of_recipe}
+    before = {name: before.get(name, getattr(owner.rle_splat, name)) for name in of_recipe}
     for group, values in ((owner.rle_splat, of_volume), (scene.rle_splat, recipe.scene)):
         for name, value in values.items():
             setattr(group, name, value)
             if group == owner.rle_splat or value:
                 labels.append(pgettext_iface(group.bl_rna.properties[name].name))
+    owner[BEFORE] = {name: (value, getattr(owner.rle_splat, name)) for name, value in before.items()}
     return labels
+
+
+def _settings_before(owner) -> dict:
+    """The settings that the last recipe changed, as they were before; without those that were changed since."""
+    return {name: was for name, (was, now) in owner.get(BEFORE, {}).items() if getattr(owner.rle_splat, name) == now}

@@ -66,7 +66,7 @@ class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
         name="In Perspective", description="Where the scale bar is true in perspective, in which lengths differ with "
         "depth; written beside the bar",
         items=[("NONE", "No Bar", "Show no scale bar in perspective"),
-               (CENTER, "At the Volume's Middle", "The scale bar is true at the distance of the volume's "
+               ("CENTER", "At the Volume's Middle", "The scale bar is true at the distance of the volume's "
                 "middle")])  # fmt: skip
     color_bar: BoolProperty(name="Color Bar", description="Show colors and opacity over the values", default=True)
     names: BoolProperty(

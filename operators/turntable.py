@@ -86,8 +86,8 @@ class RLE_SPLAT_OT_turntable(ExportHelper, bpy.types.Operator):
         options={"SKIP_SAVE"},
         items=[
             ("SCENE", "Scene", "The world of the scene, with its view transform"),
-            ("black", "Black", "Black, and colors as they are, without a view transform"),
-            ("white", "White", "White, as behind a PET, and colors as they are, without a view transform"),
+            ("BLACK", "Black", "Black, and colors as they are, without a view transform"),
+            ("WHITE", "White", "White, as behind a PET, and colors as they are, without a view transform"),
         ],
     )
     output: EnumProperty(
@@ -131,7 +131,7 @@ class RLE_SPLAT_OT_turntable(ExportHelper, bpy.types.Operator):
             self.output = PNG  # and the dialog says why
         is_chosen = self.properties.is_property_set("background")
         if not is_chosen and transfer.is_dark(volumes.volume_object(context).rle_splat):
-            self.background = "white"
+            self.background = "WHITE"
         if not self.filepath:
             name = bpy.path.clean_name(f"{volumes.volume_object(context).name} Turntable", replace=" ")
             self.filepath = free_path(name, EXTENSIONS[self.output], lambda path: not os.path.exists(path))
@@ -165,7 +165,7 @@ class RLE_SPLAT_OT_turntable(ExportHelper, bpy.types.Operator):
             if self.path == TURN:
                 look_through(scene, camera, frames)
             if self.background != "SCENE":
-                self._kept.show_before(float(self.background == "white"))
+                self._kept.show_before(float(self.background == "WHITE"))
             return self._watch(context) if in_window else self._render_through(context)
         except (RleSplatError, RuntimeError) as problem:  # operators and Blender's render raise the latter
             self._clean_up(context)

@@ -15,8 +15,8 @@ from .overridable import evaluate_anew
 SHADOWS_ON_MESHES = "shadows on meshes"
 # Name of an effect -> what it does, for tooltips.
 TEXTS = {name: kind.text for name, kind in EFFECTS.items()} | {
-    SHADOWS_ON_MESHES: "lets Blender's render show the volume's shadow on meshes and its reflection in them, where "
-    "renders include the volume",
+    SHADOWS_ON_MESHES: "lets the volume cast shadows on meshes in renders, not in viewports: soft ones in Cycles, the "
+    "outline of dense parts in EEVEE. Cycles also shows the volume's reflection in meshes",
 }
 # The effects that panels call something else than their names in Title Case.
 PANEL_NAMES = {"clip objects": "Cutting Objects", "indirect light": "Scattering"}
@@ -26,6 +26,11 @@ STATE_ITEMS = [
     (AUTO, "Auto", "Use the effect if the scene needs it"),
     ("on", "On", "Always use the effect. Rendering ends with an error if the scene lacks what the effect needs"),
     ("off", "Off", "Never use the effect. It then takes no time"),
+]
+SHADOW_ITEMS = [
+    STATE_ITEMS[0],
+    ("on", "On", "Always use the effect, even if no light casts shadows or no mesh can receive them"),
+    STATE_ITEMS[2],
 ]
 
 
@@ -39,14 +44,19 @@ def title(name: str) -> str:
     return PANEL_NAMES.get(name) or name.title().replace(" Of ", " of ").replace(" On ", " on ")
 
 
-_Override = partial(EnumProperty, items=STATE_ITEMS, default=AUTO, update=evaluate_anew)
+def items_of(name: str) -> list[tuple]:
+    """The choices for an effect, one of TEXTS."""
+    return SHADOW_ITEMS if name == SHADOWS_ON_MESHES else STATE_ITEMS
+
+
+_Override = partial(EnumProperty, default=AUTO, update=evaluate_anew)
 
 
 class EffectOverrideProperties(bpy.types.PropertyGroup):
     """One enum property for each effect."""
 
     __annotations__ = {
-        property_of(name): _Override(name=title(name), description=text[0].upper() + text[1:])
+        property_of(name): _Override(name=title(name), description=text[0].upper() + text[1:], items=items_of(name))
         for name, text in TEXTS.items()
     }
 

@@ -20,8 +20,8 @@ BESIDE, PACKED = "BESIDE", "PACKED"
 GIBIBYTE = 1 << 30
 FAILED_FRAME_ITEMS = [
     ("PLACEHOLDER", "Continue", "Show magenta stripes instead of the volume and continue"),
-    ("STOP", "Stop", "Show magenta stripes instead of the volume and end the animation after this frame, "
-     "which Blender then reports as finished"),
+    ("STOP", "Stop", "Show magenta stripes instead of the volume and end the animation. Blender still "
+     "reports it as finished"),
 ]  # fmt: skip
 DRAFT_ITEMS = [
     ("AUTO", "Automatic", "Every pixel, or every second one where the view would not move smoothly"),

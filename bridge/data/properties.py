@@ -43,8 +43,8 @@ QUALITY_TEXTS = {
     "fine": ("Fine", "More accurate, for final pictures; up to three times the time of Standard"),
     "strict": (
         "Very Fine",
-        "The most accurate; 3 to 5 times the time of Standard, but with shadows or ambient occlusion, the first "
-        "picture after a change of light or opacity takes at least 50 times as long",
+        "The most accurate; 3 to 5 times the time of Standard. With shadows or ambient occlusion, the first picture "
+        "takes at least 50 times as long",
     ),
 }
 CLASSIFICATION_TEXTS = {

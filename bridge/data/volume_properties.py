@@ -317,7 +317,7 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     )
     shininess: LiveFloat(
         name="Shininess", default=20.0, min=1.0, soft_max=100.0,
-        description="Sharpness of the highlights, the opposite of roughness: about 10 looks matt, 60 wet")  # fmt: skip
+        description="Sharpness of the highlights, the opposite of roughness: about 10 looks matte, 60 wet")  # fmt: skip
     highlight: LiveEnum(
         name="Highlights", description="Shape of the highlights", default="BLINN_PHONG",
         items=(("BLINN_PHONG", "Blinn-Phong", "Large highlights, which stretch where light grazes a surface, as on "

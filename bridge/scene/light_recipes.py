@@ -50,7 +50,7 @@ class Recipe:
     scene : dict
         Properties of ``scene.rle_splat``.  Every recipe sets all of them, so that none depends on the one before.
     volume : dict
-        Properties of ``volume.rle_splat``.
+        Properties of ``volume.rle_splat``.  The next recipe brings back those that it does not set itself.
     """
 
     lights: tuple

@@ -211,8 +211,8 @@ def add_turntable_options(parser) -> None:
     group.add_argument("--elevation", type=float, metavar="DEG", help="degrees above the horizon (default 0)")
     group.add_argument(
         "--fit", type=float, metavar="F",
-        help="height of the view, in largest sides of the volume (default 1.25; for figures, what is visible fills "
-        "the pictures)")  # fmt: skip
+        help="height of the view as a multiple of the volume's longest side (default 1.25; for figures, what is "
+        "visible fills the pictures)")  # fmt: skip
     group.add_argument(
         "--perspective", action="store_true", default=None, help="a perspective view instead of an orthographic one"
     )

@@ -266,7 +266,8 @@ def read_volume(
     scratch : str or Path, optional
         Of OME-Zarr: a file to which the voxels are written and from which they are mapped.
     quick : bool, optional
-        Of OME-Zarr, without ``level``: whether to read the finest level that is read at once.
+        Of OME-Zarr, without ``level``: whether to read the finest level of at most 2**24 voxels, in place of the
+        finest one that fits in memory.
 
     Returns
     -------

@@ -86,7 +86,7 @@ class Scene:
     scene_scale : float
         World units per unit of the volume.
     lights : tuple of Light
-        Lamps; without any, and without a headlight and a world, colors are not shaded.
+        Lights; without any, and without a headlight and a world, colors are not shaded.
     headlight : bool
         Whether a white parallel light shines along the camera's axis. Without any light, colors are not shaded.
     triangles : (n, 3, 3) ndarray of float64 or None
@@ -103,7 +103,10 @@ class Scene:
         (left, top, right, bottom), half-open, in pixels of the whole frame, row 0 at the top. Only these pixels are
         rendered, bit-identical to those of the whole frame. None for the whole frame.
     effects : dict of str to bool
-        Effect name -> forced on or off, whatever the rest of the scene needs.
+        Effects to force on (True) or off (False); all others are on if the scene needs them. Names: "mode", "gradient
+        opacity", "shading", "lights", "headlight", "specular", "world light", "shadows", "ambient occlusion", "mesh
+        occlusion", "glass", "clipping", "depth of field", "motion blur", "clip objects", "labels", "channels",
+        "indirect light" and "mist".
     motion : tuple of Pose
         Poses at equal steps of time from the opening to the closing of the shutter; empty for no motion blur. The
         depth is that of the camera's and the volume's own matrices.
@@ -125,7 +128,7 @@ class Scene:
         Share, 0 to 1, of the light from all directions (the transfer function's ambient light included) that is
         removed where the volume or a mesh hides the sky.
     indirect_light : float
-        Amount, 0 to 1, of light that is scattered on its way from lamps that cast shadows; ``post`` alone has it.
+        Amount, 0 to 1, of light that is scattered on its way from lights that cast shadows; ``post`` alone has it.
     labels : Labels or None
         Segments with looks of their own, or hidden.
     channels : tuple of Channel

@@ -147,11 +147,36 @@ def test_settings_depend_on_the_kind_and_not_on_the_one_before(owner):
     smoothness = 0.015 * SIDE  # less than the 3.5 mm of a head
     assert settings_of(owner) == (True, 0.0, 0.5, round(smoothness, 3), 0.0, *before[5:])
     add("SMOKE")
-    assert settings_of(owner)[:3] == (True, 0.0, 0.0) and settings_of(owner)[5:] == (True, 0.1, 1.0)
+    assert settings_of(owner) == (True, 0.0, 0.0, *before[3:5], True, 0.1, 1.0)
     add("BONE")
-    assert settings_of(owner)[:3] == (True, 0.7, 0.0)
+    assert settings_of(owner) == (True, 0.7, 0.0, *before[3:])
     add("SOFT")
-    assert settings_of(owner)[:3] == (True, 0.6, 0.0)
+    assert settings_of(owner) == (True, 0.6, 0.0, *before[3:])
+
+
+@pytest.mark.parametrize(("first", "then"), [("SKIN", "BONE"), ("SMOKE", "SOFT"), ("SMOKE", "SKIN"), ("SKIN", "SKIN")])
+def test_a_recipe_after_another_equals_that_recipe_alone(owner, first, then):
+    volume = owner.rle_splat
+    volume.use_shading, volume.specular, volume.ambient, volume.smoothness = False, 0.35, 0.3, 0.7  # by hand
+    before = settings_of(owner)
+    add(then)
+    alone = settings_of(owner)
+    add("THREE")
+    assert settings_of(owner)[3:] == before[3:]
+    add(first)
+    add(then)
+    assert settings_of(owner) == alone
+
+
+def test_what_the_user_or_a_preset_changed_since_stays(owner, tmp_path):
+    add("SKIN")
+    owner.rle_splat.specular = 0.35
+    add("BONE")
+    assert owner.rle_splat.specular == pytest.approx(0.35) and owner.rle_splat.use_automatic_smoothness
+    add("SKIN")
+    scenes.load_color(tmp_path, (0.8, 0.8, 0.8), shade={"specular": 0.6})
+    add("SOFT")
+    assert owner.rle_splat.specular == pytest.approx(0.6)
 
 
 def test_undo_brings_back_lights_and_settings(owner):

@@ -281,7 +281,7 @@ def test_the_report_is_of_the_scene_that_was_rendered(cube, bridge):
 
 @pytest.mark.parametrize("engine", ["BLENDER_WORKBENCH", "CYCLES"])
 @pytest.mark.parametrize("has_world", [True, False])
-@pytest.mark.parametrize(("background", "level"), [("white", 1.0), ("black", 0.0)])
+@pytest.mark.parametrize(("background", "level"), [("WHITE", 1.0), ("BLACK", 0.0)])
 def test_a_plain_background_is_behind_the_volume(cube, tmp_path, engine, has_world, background, level):
     """In colors as they are; world and view are the scene's again afterwards."""
     scene = bpy.context.scene
@@ -293,7 +293,7 @@ def test_a_plain_background_is_behind_the_volume(cube, tmp_path, engine, has_wor
     scene.view_settings.view_transform, scene.view_settings.exposure = "AgX", 0.5
     cube.rle_splat.display = "mip"
     cube.rle_splat.window_center, cube.rle_splat.window_width = 25.0, 50.0  # all is above it
-    cube.rle_splat.use_inverted_grays = background == "white"
+    cube.rle_splat.use_inverted_grays = background == "WHITE"
     before, worlds = settings(), len(bpy.data.worlds)
     turn(tmp_path, frames=1, output="PNG", background=background)
     assert settings() == before and len(bpy.data.worlds) == worlds

@@ -256,7 +256,7 @@ def show_on_white(pet):
     scene.render.engine = "BLENDER_WORKBENCH"
     scene.render.resolution_x, scene.render.resolution_y = 320, 240
     with in_the_view():
-        bpy.ops.rle_splat.turntable("EXEC_DEFAULT", filepath=str(path), frames=2, output="PNG", background="white")
+        bpy.ops.rle_splat.turntable("EXEC_DEFAULT", filepath=str(path), frames=2, output="PNG", background="WHITE")
     yield from until(lambda: (FOLDER / "pet_turn_0002.png").exists() and not bpy.app.is_job_running("RENDER"))
     shown = scenes.load_pixels(FOLDER / "pet_turn_0002.png")[..., :3]
     assert shown[[0, -1], [0, -1]].min() > 0.97 and shown.min() < 0.6

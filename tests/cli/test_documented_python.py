@@ -3,6 +3,7 @@
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -72,3 +73,21 @@ def test_the_documented_example_runs(tmp_path, monkeypatch, capsys):
     assert uptake.shape_xyz == names["scan"].shape_xyz and uptake.value_unit == "SUVbw"
     np.testing.assert_allclose(uptake.physical(uptake.voxels[::2, ::2, ::2]), pet.physical(pet.voxels), atol=1e-5)
     assert "100% Done" in capsys.readouterr().out
+    _check_other_libraries(names, ball)
+
+
+def _check_other_libraries(names, ball):
+    """What the page makes of a mesh of PyVista and of layers of napari, of stand-ins for them."""
+    faces = np.array(((0, 1, 2), (0, 2, 3)))
+    wall = SimpleNamespace(points=np.array([(x, y, SIDE / 2) for x, y in ((-9, -9), (-9, 99), (99, 99), (99, -9))]))
+    wall.triangulate = lambda: SimpleNamespace(points=wall.points, regular_faces=faces)
+    gray = SimpleNamespace(map=lambda at: np.stack((at, at, at, np.ones_like(at)), axis=1))
+    layer = SimpleNamespace(
+        data=ball, scale=(2.0, 0.5, 0.5), translate=(3, 2, 1), contrast_limits=(50.0, 250.0), colormap=gray
+    )
+    segments = SimpleNamespace(**(vars(layer) | {"data": np.where(ball > 128.0, 5, 0)}))
+    scene = names["scene_of"](layer, layer, segments=segments, width=SIDE, height=SIDE)
+    np.testing.assert_array_equal(scene.volume.affine[:3, 3], (1, 2, 3))
+    rgba = rle_splat.render(scene).rgba
+    hidden = replace(scene, triangles=names["triangles_of"](wall, scene.volume_matrix))
+    assert 0.05 < np.abs(rgba - rle_splat.render(hidden).rgba).max() and rgba[..., 3].max() > 0.5
