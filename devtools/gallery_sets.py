@@ -202,7 +202,7 @@ def heart(stage: Stage):
     floor.active_material.node_tree.nodes["Principled BSDF"].inputs["Specular IOR Level"].default_value = 0.0
     bpy.context.scene.cycles.use_denoising = True
     stage.ground += (laid,)
-    key = stage.lamp("Key", "SUN", 3.3, (0.5, -1.2, 2.0), (1.0, 0.97, 0.94), angle=math.radians(10.0))
+    key = stage.lamp("Key", "SUN", 3.9, (-0.9, -0.5, 1.9), (1.0, 0.97, 0.94), angle=math.radians(5.0))
     spare("Key", key, (floor,))  # a shadow of ribs alone would look like an object
     stage.area("Fill", 24.0, (1.6, 0.6, 0.4), COLD)  # for the flank of the aorta
     softbox_world(

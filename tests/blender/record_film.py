@@ -21,6 +21,7 @@ ANGLE, START, LENS = 40.0, -20.0, 86.0  # degrees, and mm
 FRONT, BACK = -0.11, 0.005  # meters from the middle
 SHIFT, GROW, OPAQUE, SMOOTH = -100.0, 2.0, 0.05, 2.0  # HU, mm, mm, mm: thin walls are whole and opaque
 LEVEL, WINDOW = 400.0, 1200.0  # HU
+DARK = (0.012, 0.016, 0.024)  # of the world
 SAMPLES = 8  # of Cycles, which renders the faces of the cut and the world alone
 
 
@@ -47,7 +48,7 @@ def turn_and_cut(scene, volume):
         scene.frame_set(1)
         scene.camera.parent.keyframe_insert("rotation_euler", index=2, frame=LAST)
         activate(volume)
-        assert bpy.ops.rle_splat.add_lights(kind="SOFT") == {"FINISHED"}
+        assert bpy.ops.rle_splat.add_lights(kind="THREE") == {"FINISHED"}
         bpy.ops.view3d.view_axis(type="FRONT")
     yield from settled()
     with in_the_view():
@@ -75,7 +76,8 @@ def scenario():
         assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
     scene.rle_splat.quality, scene.frame_start, scene.frame_end, scene.frame_step = "fine", 1, TURN, STEP
     scene.view_settings.view_transform, render.filepath = "Standard", os.path.join(os.environ[SHOTS], "frame-")
-    scene.world = bpy.data.worlds.new("World")  # as in a new file
+    scene.world = bpy.data.worlds.new("World")
+    scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (*DARK, 1.0)
     render.engine, scene.cycles.samples = "CYCLES", SAMPLES
     render.resolution_x, render.resolution_y, render.image_settings.file_format = 960, 720, "PNG"
     ended, began = [], time.perf_counter()

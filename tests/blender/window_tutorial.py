@@ -170,7 +170,7 @@ def scenario():
     with in_the_view():
         assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
         assert bpy.ops.rle_splat.add_letters() == {"FINISHED"}
-        assert bpy.ops.rle_splat.add_lights(kind="SOFT") == {"FINISHED"}
+        assert bpy.ops.rle_splat.add_lights(kind="THREE") == {"FINISHED"}
     yield from settled()
     passed(f"camera, {time.perf_counter() - began:.1f} s,")
 

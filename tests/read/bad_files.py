@@ -157,7 +157,7 @@ BAD = {
         lambda folder: series(folder, phantoms.geometry("one", (1, 0, 0), (0, 1, 0), [0.0])),
         "This series is a single picture; a volume needs at least two slices.",
     ),
-    "no positions": (lambda folder: series(folder, ImagePositionPatient=None), "--spacing"),
+    "no positions": (lambda folder: series(folder, ImagePositionPatient=None), "give the spacing"),
     "slices at one place": (at_one_place, "nothing in its files tells them apart"),
     "shorter than stated": (shortened, "bytes of voxels are there; copy it again."),
     "a video": (video, "is a video"),
