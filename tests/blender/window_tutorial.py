@@ -37,6 +37,7 @@ SCAN = Path(__file__).parent / "data" / "scan"
 PANELS = ("display", "presets", "picture")  # that are open
 SHIFT, GROW, OPAQUE = -100.0, 2.0, 0.05  # HU, mm, mm: thin walls are whole and opaque
 DULL = 0.0, 0.75  # specular and diffuse: a cut that faces the headlight is not burnt white
+GLOSSY = 0.12, 0.84  # again, under lights: those of the preset
 LEVEL, WINDOW = 400.0, 1200.0  # HU, of the slice
 DARK = (0.012, 0.016, 0.024)  # of the world, from the render on
 DOWN = 12  # turns of the wheel from the first panel to Lighting, Cut and Render
@@ -171,6 +172,7 @@ def scenario():
         assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
         assert bpy.ops.rle_splat.add_letters() == {"FINISHED"}
         assert bpy.ops.rle_splat.add_lights(kind="THREE") == {"FINISHED"}
+    volume.rle_splat.specular, volume.rle_splat.diffuse = GLOSSY
     yield from settled()
     passed(f"camera, {time.perf_counter() - began:.1f} s,")
 
