@@ -48,7 +48,7 @@ def turn_and_cut(scene, volume):
         scene.frame_set(1)
         scene.camera.parent.keyframe_insert("rotation_euler", index=2, frame=LAST)
         activate(volume)
-        assert bpy.ops.rle_splat.add_lights(kind="THREE") == {"FINISHED"}
+        assert bpy.ops.rle_splat.add_lights(kind="SOFT") == {"FINISHED"}
         bpy.ops.view3d.view_axis(type="FRONT")
     yield from settled()
     with in_the_view():

@@ -136,7 +136,7 @@ def scenario():
     volume.rle_splat.specular, volume.rle_splat.diffuse = DULL
     scene.rle_splat.quality, scene.rle_splat.antialias = "fine", True
     area_of("VIEW_3D").spaces.active.region_3d.view_perspective = "ORTHO"
-    look_from(90.0, 0.0, 0.22)
+    look_from(90.0, 0.0, 0.29)
     yield from scroll_sidebar(DOWN)
     yield from step("tutorial-4-cut", began, (1, 991, 199), (2, 991, 354), (3, 991, 861), (4, 191, 62))
 
@@ -171,7 +171,7 @@ def scenario():
     with in_the_view():
         assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
         assert bpy.ops.rle_splat.add_letters() == {"FINISHED"}
-        assert bpy.ops.rle_splat.add_lights(kind="THREE") == {"FINISHED"}
+        assert bpy.ops.rle_splat.add_lights(kind="SOFT") == {"FINISHED"}
     volume.rle_splat.specular, volume.rle_splat.diffuse = GLOSSY
     yield from settled()
     passed(f"camera, {time.perf_counter() - began:.1f} s,")
