@@ -14,7 +14,7 @@ from ..translations import filled
 PANEL = "RLE_SPLAT_PT_volume"  # the first one of the sidebar's tab
 HALF_SENSOR = 36.0  # mm: a viewport's lens is one before a sensor of twice this, along its longer side
 ROOM = 1.15  # times the sphere around a volume
-FACE = 0.65  # a cube's face is so much smaller than the sphere around the cube
+BESIDE = 1.1  # times a box that is seen from a side
 RIGHT_VIEWS = (2, 3)  # of a quad view, where the sidebar is
 NEAREST, FURTHEST = 0.01, 100.0  # times the sphere's radius: the clip range reaches from there to there at least
 LEAST_CLIP = 1e-6  # Blender's own
@@ -44,6 +44,25 @@ def distance_to_fit(radius: float, lens: float, free: float, is_perspective: boo
     """
     slope = HALF_SENSOR / lens * free
     return radius / (math.sin(math.atan(slope)) if is_perspective else slope)
+
+
+def distance_to_box(corners: np.ndarray, view, lens: float, free: tuple) -> float:
+    """Return the view distance at which a box around a view's pivot fits into a viewport, as it is seen from there.
+
+    Parameters
+    ----------
+    corners : (8, 3) ndarray
+        From the pivot, world units.
+    view : bpy.types.RegionView3D
+        Its rotation and its projection count.
+    lens : float
+        Focal length, mm.
+    free : (float, float)
+        Width and height of the part that is free, over the longer side of the region.
+    """
+    across, up, deep = np.abs(corners @ np.array(view.view_rotation.to_matrix())).max(axis=0)
+    distance = BESIDE * max(across / free[0], up / free[1]) * lens / HALF_SENSOR
+    return distance + (deep if view.view_perspective == "PERSP" else 0.0)
 
 
 def rotation_from(side: str, matrix: np.ndarray) -> Quaternion:
@@ -88,15 +107,17 @@ def frame_area(area, boxes: list[np.ndarray], rotation: Quaternion | None = None
     if not 0.0 < radius < math.inf:
         return
     space = area.spaces.active
-    free = _free_share(area)
+    free = _free_shares(area)
     for view in space.region_quadviews or (space.region_3d,):
         if view.view_perspective == "CAMERA":
             continue
-        is_perspective = view.view_perspective == "PERSP"
+        view.view_location = middle
         if rotation is not None and not space.region_quadviews:
             view.view_rotation = rotation
-        view.view_location = middle
-        view.view_distance = distance_to_fit(radius, space.lens, free, is_perspective)
+            view.view_distance = distance_to_box(corners - middle, view, space.lens, free)
+        else:  # with room to turn
+            is_perspective = view.view_perspective == "PERSP"
+            view.view_distance = distance_to_fit(radius, space.lens, min(free), is_perspective)
     space.clip_start = max(min(space.clip_start, NEAREST * radius), LEAST_CLIP)
     space.clip_end = max(space.clip_end, FURTHEST * radius)
     area.tag_redraw()
@@ -119,17 +140,17 @@ def frame_if_too_near(area, placed: list) -> None:
             return
 
 
-def _free_share(area) -> float:
-    """The shorter side of the free part of a viewport, over the longer side of the whole; a half if it was never drawn.
+def _free_shares(area) -> tuple[float, float]:
+    """Width and height of the free part of a viewport, over the longer side of the whole; halves if it was never drawn.
 
     What is free lies between the sidebar, open or about to be, and as much on the other side, since the volume stays in
     the middle, about which the view turns; it is at least half of the width.
     """
     region = next(one for one in area.regions if one.type == "WINDOW")
     if min(region.width, region.height) <= 1:
-        return 0.5
-    width = max(region.width - 2 * _covered(area), region.width // 2)
-    return min(region.height, width) / max(region.width, region.height)
+        return 0.5, 0.5
+    width, longer = max(region.width - 2 * _covered(area), region.width // 2), max(region.width, region.height)
+    return width / longer, region.height / longer
 
 
 def _covered(area) -> int:
@@ -141,7 +162,7 @@ def _covered(area) -> int:
 def frame_quad(area, corners: np.ndarray) -> None:
     """Move the views of a quad view so that a box is seen beside the sidebar.
 
-    The box fills the orthographic views as far as its sides reach; the view in perspective has room to turn.
+    It fills the orthographic views; the view in perspective has room to turn.
 
     Parameters
     ----------
@@ -154,12 +175,13 @@ def frame_quad(area, corners: np.ndarray) -> None:
     free = max(width - covered, 0.5 * width)
     middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
     radius = ROOM * float(np.linalg.norm(corners - middle, axis=1).max())
-    slope = HALF_SENSOR / space.lens
+    slope, longer = HALF_SENSOR / space.lens, max(width, height)
     for number, view in enumerate(space.region_quadviews):
-        is_perspective = view.view_perspective == "PERSP"
-        distance = distance_to_fit(radius, space.lens, min(free, height) / max(width, height), is_perspective)
-        view.view_distance = distance if is_perspective else distance * FACE
-        across = 2.0 * slope * view.view_distance / max(width, height)  # world units of a pixel at the pivot
+        if view.view_perspective == "PERSP":
+            view.view_distance = distance_to_fit(radius, space.lens, min(free, height) / longer, True)
+        else:
+            view.view_distance = distance_to_box(corners - middle, view, space.lens, (free / longer, height / longer))
+        across = 2.0 * slope * view.view_distance / longer  # world units of a pixel at the pivot
         right = view.view_rotation @ Vector((1.0, 0.0, 0.0))
         is_right = number in RIGHT_VIEWS
         view.view_location = Vector(middle) + right * (0.5 * (width - free) * across if is_right else 0.0)

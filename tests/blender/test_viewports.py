@@ -82,6 +82,23 @@ def test_a_volume_is_framed(viewport, bridge, tmp_path):
     assert tuple(view.view_location) == (0.0, 0.0, 0.0)
 
 
+@pytest.mark.parametrize("shape", [(40, 6, 6), (6, 40, 6), (6, 6, 40), (12, 12, 12)])
+@pytest.mark.parametrize("side", ["A", "L", "S"])
+@pytest.mark.parametrize("projection", ["PERSP", "ORTHO"])
+def test_a_box_from_a_side_fills_the_view_and_no_more(viewport, bridge, tmp_path, shape, side, projection):
+    scenes.import_raw(tmp_path, np.full(shape, 100, np.uint8))
+    assert bpy.ops.rle_splat.reload_volume(orientation="LPS") == {"FINISHED"}
+    owner, view, space = bpy.context.object, viewport.spaces.active.region_3d, viewport.spaces.active
+    view.view_perspective = projection
+    assert bpy.ops.rle_splat.frame_volume(side=side) == {"FINISHED"}
+    corners = bridge("volumes.box").world_corners(owner) - np.array(view.view_location)
+    right, up, back = (corners @ np.array(view.view_rotation.to_matrix())).T
+    depth = view.view_distance - (back if projection == "PERSP" else 0.0)
+    shares = np.abs((right, up)) / depth * space.lens / 36.0  # of half of the longer side: a sensor of 72 mm
+    free = bridge("scene.viewports")._free_shares(viewport)
+    assert max(shares[0].max() / free[0], shares[1].max() / free[1]) == pytest.approx(1.0 / 1.1, abs=0.05)
+
+
 def test_what_is_visible_is_framed(viewport, bridge, tmp_path, monkeypatch):
     voxels = np.zeros((20, 20, 20), np.uint8)
     voxels[5:8, 9:12, 12:15] = 200
