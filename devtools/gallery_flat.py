@@ -142,7 +142,7 @@ def _color_bar(place: Matrix, width: float, height: float, size: float, coat) ->
     for value in range(0, int(SUV) + 1, 2):
         x = width * (value / SUV - 0.5)
         rod("Tick", place @ Vector((x, low, 0.0)), place @ Vector((x, low - 0.3 * size, 0.0)), 0.7 * MM, coat)
-        letters(str(value), place @ Matrix.Translation((x, low - 0.9 * size, 0.0)), size, coat)
+        letters(f"≥ {value}" if value == SUV else str(value), place @ Matrix.Translation((x, low - 0.9 * size, 0.0)), size, coat)
     letters("FDG, SUVbw in g/ml", place @ Matrix.Translation((0.0, -low + 0.8 * size, 0.0)), size, coat)
 
 
@@ -194,7 +194,7 @@ def pet(stage: Stage):
         rod("Neck", begin, end, 1.2 * MM, black)
     scale_bar("100 mm", to(-240, -435), 100 * MM, 28 * MM, black)
     scale_bar("30 mm", to(NEAR.x - width + 62, NEAR.z - height - 60), LARGER * 30 * MM, 28 * MM, black)
-    letters("Slab of 20 mm", to(NEAR.x + width - 90, NEAR.z - height - 40), 28 * MM, black)
+    letters("Coronal slab, 20 mm", to(NEAR.x + width - 115, NEAR.z - height - 40), 28 * MM, black)
     _color_bar(to(NEAR.x, -405), 420 * MM, 30 * MM, 28 * MM, black)
     for (_, name, _, (x, y), (end_x, end_y)), coat in zip(TUMORS, coats):
         x, y, end_x, end_y = x + NEAR.x, y + NEAR.z, end_x + NEAR.x, end_y + NEAR.z

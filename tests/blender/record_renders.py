@@ -3,7 +3,8 @@
     python3 dev.py blender --photograph tests/blender/record_renders.py --size 1280x800
 
 writes how-to-*.jpg and readme-first.jpg into build/window-shots/record_renders.  In tests/blender/data are:
-``cta_aorta_labels``, the dissected aorta, and the files of BRAIN and HEAD_MR.
+``scan``, the DICOM series of the gallery's skull; ``cta_aorta_labels``, the dissected aorta; and the files of BRAIN and
+HEAD_MR.
 """
 
 import os
@@ -25,6 +26,7 @@ from tests.blender.guide_steps import (
     activate,
     bare,
     begin,
+    beside,
     imported,
     keep,
     lamp,
@@ -164,9 +166,41 @@ def first_picture():
     passed(f"first picture, {time.perf_counter() - began:.0f} s,")
 
 
+def transforms():
+    """Bone and vessels under three lights, in the view transforms Standard and AgX, and in AgX with more contrast."""
+    parts = {}
+    for name, preset, scan, nearer in (("Bone", "ct-bone", "scan", 0.9), ("Angio", "ct-angiography", HEART, 1.0)):
+        volume = yield from imported(preset, scan)
+        activate(volume)
+        if preset == "ct-bone":
+            with in_the_view():
+                assert bpy.ops.rle_splat.hide_table() == {"FINISHED"}
+        look_from(78.0, 30.0, nearer)
+        yield from settled()
+        scene, camera = bpy.context.scene, bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+        scene.collection.objects.link(camera)
+        scene.camera, camera.matrix_world = camera, area_of("VIEW_3D").spaces.active.region_3d.view_matrix.inverted()
+        with in_the_view():
+            assert bpy.ops.rle_splat.add_lights(kind="THREE") == {"FINISHED"}
+            assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
+        scene.rle_splat.quality, scene.rle_splat.antialias = "fine", True
+        scene.render.resolution_x = scene.render.resolution_y = 420
+        assert bpy.ops.render.render() == {"FINISHED"}
+        scene.render.image_settings.file_format, view = "JPEG", scene.view_settings
+        for transform, look in (("Standard", "None"), ("AgX", "None"), ("AgX", "AgX - High Contrast")):
+            view.view_transform = transform
+            view.look = look
+            caption = f"{name}, {look.replace(' -', '')}" if look != "None" else f"{name}, {transform}"
+            parts[caption] = caption.replace(" ", "-")
+            path = Path(os.environ[SHOTS]) / f"{parts[caption]}.jpg"
+            bpy.data.images["Render Result"].save_render(str(path))
+    beside("how-to-agx", parts, across=3)
+    passed("transforms")
+
+
 def scenario():
     bpy.context.preferences.system.use_region_overlap = False  # the sidebar stands beside the view
-    for part in (lights, nodes, pinned, reported, first_picture):
+    for part in (lights, nodes, pinned, reported, first_picture, transforms):
         yield from part()
 
 
