@@ -61,7 +61,7 @@ def beside(name: str, parts: dict[str, str], across: int | None = None) -> None:
 
 def pixels(path: Path) -> np.ndarray:
     """(H, W, 3) uint8: a picture that was kept."""
-    command = ["convert", str(path), "-depth", "8", "ppm:-"]
+    command = ["convert", str(path), "-strip", "-depth", "8", "ppm:-"]
     _, size, _, data = subprocess.run(command, check=True, stdout=subprocess.PIPE).stdout.split(b"\n", 3)
     width, height = map(int, size.split())
     return np.frombuffer(data, np.uint8).reshape(height, width, 3)

@@ -136,7 +136,7 @@ def scenario():
     volume.rle_splat.specular, volume.rle_splat.diffuse = DULL
     scene.rle_splat.quality, scene.rle_splat.antialias = "fine", True
     area_of("VIEW_3D").spaces.active.region_3d.view_perspective = "ORTHO"
-    look_from(90.0, 0.0, 0.29)
+    look_from(90.0, 0.0, 0.42)
     yield from scroll_sidebar(DOWN)
     yield from step("tutorial-4-cut", began, (1, 991, 199), (2, 991, 354), (3, 991, 861), (4, 191, 62))
 
