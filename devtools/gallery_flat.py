@@ -142,7 +142,8 @@ def _color_bar(place: Matrix, width: float, height: float, size: float, coat) ->
     for value in range(0, int(SUV) + 1, 2):
         x = width * (value / SUV - 0.5)
         rod("Tick", place @ Vector((x, low, 0.0)), place @ Vector((x, low - 0.3 * size, 0.0)), 0.7 * MM, coat)
-        letters(f"≥ {value}" if value == SUV else str(value), place @ Matrix.Translation((x, low - 0.9 * size, 0.0)), size, coat)
+        text = f"≥ {value}" if value == SUV else str(value)
+        letters(text, place @ Matrix.Translation((x, low - 0.9 * size, 0.0)), size, coat)
     letters("FDG, SUVbw in g/ml", place @ Matrix.Translation((0.0, -low + 0.8 * size, 0.0)), size, coat)
 
 
