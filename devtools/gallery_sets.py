@@ -42,6 +42,7 @@ NAMES = (
     ("False lumen", (21.0, 62.0, 40.0), (0.23, 0.16)),
     ("Left inferior\npulmonary vein", (40.0, 36.0, -22.0), (0.23, 0.0)),
     ("Left ventricle", (61.0, -30.0, -35.0), (0.23, -0.09)),
+    ("Celiac branches", (41.0, 10.0, -103.0), (0.25, -0.15)),
 )
 IN_WIRE, IN_RIGHT, IN_LEFT, IN_BONE = (40, 9, 94), (70, 32, 94), (83, 52, 60), (42, 121, 59)  # voxels of clicks
 RIGHT, LEFT, FALSE, BONES, STENT = "Right Heart", "Left Heart", "False Lumen", "Bones", "Stent"

@@ -60,7 +60,6 @@ def _draw_scene(scene, layout) -> None:
     has_shadows, is_lit = not settings.max_error or not is_pre_classified(settings), is_any_lit(scene)
     layout.label(text="All Volumes")
     column = layout.column(align=True)
-    column.use_property_decorate = False
     column.active = is_lit
     row = column.row()
     row.active = has_shadows
@@ -76,6 +75,8 @@ def _draw_scene(scene, layout) -> None:
     row = column.row(align=True)
     row.active = has_shadows
     row.prop(settings, "ambient_occlusion", slider=True)
+    row.prop_decorator(settings, "ambient_occlusion")
     row = column.row(align=True)
     row.active = is_lit and settings.use_shadows and not is_pre_classified(settings)
     row.prop(settings, "indirect_light", slider=True)
+    row.prop_decorator(settings, "indirect_light")
