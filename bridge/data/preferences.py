@@ -79,12 +79,8 @@ class RLE_SPLAT_AP_preferences(bpy.types.AddonPreferences):
         name="All Free Memory", description="Let a volume or a picture take all memory that is free",
         **switch("memory_limit", 0.0, 8.0))  # fmt: skip
     threads: IntProperty(
-        name="Threads",
-        description="Number of threads, for scenes that do not set their own",
-        default=0,
-        min=0,
-        soft_max=64,
-    )
+        name="Threads", description="Number of threads, for scenes that do not set their own", default=0, min=0,
+        soft_max=64)  # fmt: skip
     use_all_cores: BoolProperty(
         name="All Cores", description="Use as many threads as the processor has cores",
         **switch("threads", 0, os.cpu_count() or 1))  # fmt: skip

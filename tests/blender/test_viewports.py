@@ -1,5 +1,7 @@
 """What an import does to 3D viewports: a volume fits into the view, and what hides it is told."""
 
+from types import SimpleNamespace
+
 import bpy
 import numpy as np
 import pytest
@@ -97,6 +99,25 @@ def test_a_box_from_a_side_fills_the_view_and_no_more(viewport, bridge, tmp_path
     shares = np.abs((right, up)) / depth * space.lens / 36.0  # of half of the longer side: a sensor of 72 mm
     free = bridge("scene.viewports")._free_shares(viewport)
     assert max(shares[0].max() / free[0], shares[1].max() / free[1]) == pytest.approx(1.0 / 1.1, abs=0.05)
+
+
+@pytest.mark.parametrize("sides", [(0.45, 0.45, 0.9), (0.9, 0.2, 0.2), (0.3, 0.3, 0.3)])
+def test_a_four_up_view_shows_the_whole_box_from_its_sides(bridge, sides):
+    """On an area in place of Blender's, which has no quad view in the background."""
+    module, lens, (width, height) = bridge("scene.viewports"), 50.0, (1200, 900)
+    turns = [module.rotation_from(side, np.eye(4)) for side in "IALA"]
+    views = [SimpleNamespace(view_perspective="ORTHO", view_rotation=turn) for turn in turns]
+    space = SimpleNamespace(lens=lens, region_quadviews=views, show_region_ui=False)
+    area = SimpleNamespace(
+        width=width, height=height, spaces=SimpleNamespace(active=space), tag_redraw=lambda: None
+    )  # fmt: skip
+    corners = (bridge("volumes.box").CORNERS - 0.5) * sides
+    module.frame_quad(area, corners)
+    for view in views:
+        right, up, _ = np.abs((corners - view.view_location) @ np.array(view.view_rotation.to_matrix())).max(axis=0)
+        seen = 36.0 / lens * view.view_distance  # half of the longer side of a region, a quarter of the area
+        assert right <= seen and up <= seen * height / width
+        assert max(right / seen, up / seen * width / height) > 0.85, "it is not small"
 
 
 def test_what_is_visible_is_framed(viewport, bridge, tmp_path, monkeypatch):
