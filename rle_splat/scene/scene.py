@@ -249,14 +249,17 @@ class Scene:
         object.__setattr__(self, "pane_shares", held)
 
     def _check_grid(self, other, what: str) -> None:
-        """Refuse a volume ``other`` whose grid has another shape or another place in the patient."""
+        """Refuse a volume ``other`` whose grid has another shape or lies elsewhere.
+
+        Where only one of them is of a patient, their places cannot be compared.
+        """
         mine, others = (" x ".join(map(str, one.shape_xyz)) for one in (self.volume, other))
         if mine != others:
             raise RleSplatError(f"The {what} has {others} voxels and the volume has {mine}; give one on the same grid.")
-        if None not in (self.volume.space, other.space) and not is_same_grid(self.volume, other):
+        if self.volume.space == other.space and not is_same_grid(self.volume, other):
             raise RleSplatError(
-                f"The {what} lies elsewhere in the patient than the volume; give one on the same grid, as read_labels "
-                "does for label files."
+                f"The {what} lies elsewhere than the volume, or its spacing differs; give one on the same grid, as "
+                "read_labels does for label files."
             )
 
     def __repr__(self) -> str:

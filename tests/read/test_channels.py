@@ -85,6 +85,19 @@ def test_a_scene_refuses_further_volumes_of_another_place():
     for more in (
         {"channels": (Channel(channel_on(affine, shape), clear),)}, {"labels": Labels(labels_on(affine, shape))},
     ):  # fmt: skip
-        with pytest.raises(RleSplatError, match="elsewhere in the patient than the volume; give one on the same grid"):
+        with pytest.raises(
+            RleSplatError, match="elsewhere than the volume, or its spacing differs; give one on the same"
+        ):
             Scene(SCAN, clear, Camera(), **more)
     Scene(SCAN, clear, Camera(), channels=(Channel(on_scan(channel_on(affine, shape)), clear),))
+
+
+def test_a_scene_refuses_further_arrays_of_another_spacing():
+    clear = TransferFunction(opacity=((0.0, 0.0),), color=((0.0, 1, 1, 1),))
+    scan, same, finer = (
+        Volume(np.zeros(SHAPE[::-1], np.uint8), np.diag((side, 1.0, 2.0, 1.0))) for side in (1, 1, 0.5)
+    )
+    for more in ({"channels": (Channel(finer, clear),)}, {"labels": Labels(finer)}):
+        with pytest.raises(RleSplatError, match="its spacing differs"):
+            Scene(scan, clear, Camera(), **more)
+    Scene(scan, clear, Camera(), channels=(Channel(same, clear),), labels=Labels(same))
