@@ -38,7 +38,7 @@ def draw_curve(context, layout, owner) -> None:
     for value, alignment in ((low, "LEFT"), (0.5 * (low + high), "CENTER"), (high, "RIGHT")):
         place = axis.row()
         place.alignment = alignment
-        place.label(text=value_text(value, low, high, owner.rle_splat.value_unit))
+        place.label(text=value_text(value, low, high))  # Level and Window below name the unit
     _draw_selected(column, owner)
 
 

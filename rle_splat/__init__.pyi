@@ -6,6 +6,7 @@ checkers and editors.
 from .read.formats import read_volume as read_volume
 from .read.formats import read_steps as read_steps
 from .read.labels import read_labels as read_labels
+from .read.channels import read_channel as read_channel
 from .read.images import read_sitk as read_sitk
 from .read.images import read_nibabel as read_nibabel
 from .read.formats import write_volume as write_volume

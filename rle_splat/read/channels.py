@@ -1,5 +1,8 @@
 """Channels: further volumes whose values are brought onto the grid of a scan."""
 
+from os import PathLike
+
+from ..runtime.steps import drain
 from ..volume.regrid import on_grid_steps
 from ..volume.volume import Volume
 from .formats import format_of, read_steps
@@ -7,26 +10,34 @@ from .formats import format_of, read_steps
 MOST_CHANNELS = 16  # of one file
 
 
-def read_channel_steps(path, volume: Volume, options: dict | None = None):
-    """Generator of Progress: read a channel and bring it onto the grid of a volume.
+def read_channel(path: str | PathLike, volume: Volume, **options) -> Volume:
+    """Read a second volume, such as the PET of a CT, and bring its values onto the grid of a volume, for ``Channel``.
 
     Parameters
     ----------
     path : str or Path
-    options : dict, optional
-        Of ``read_volume``; without them a raw file is read with the shape of the volume.
+        A file or a folder, as of ``read_volume``.
+    volume : Volume
+        The scan.
+    **options
+        Of ``read_volume``. Without any, a raw file is read with the shape of the volume.
 
     Returns
     -------
-    channel : Volume
-    options : dict
-        Options that read the same channel again.
+    Volume
+        Interpolated linearly between voxel centers, in the type of the file; outside it is its smallest value. A
+        remark says how the grids differ, where they do.
 
     Raises
     ------
     RleSplatError
         If the file cannot be read, or lies elsewhere than the volume.
     """
+    return drain(read_channel_steps(path, volume, options or None))[0]
+
+
+def read_channel_steps(path, volume: Volume, options: dict | None = None):
+    """Generator of Progress: as ``read_channel``; returns the channel and options that read the same again."""
     if options is None:
         kind = format_of(path)
         options = {"shape": volume.shape_xyz} if kind is not None and "shape" in kind.options else {}

@@ -69,7 +69,7 @@ def test_the_documented_example_runs(tmp_path, monkeypatch, capsys):
         np.testing.assert_array_equal(names[name].voxels, volume.voxels)
     np.testing.assert_array_equal(names["of_array"].spacing, (0.5, 0.5, 2.0))
     assert np.asarray(Image.open("shown.png")).shape == (SIDE, SIDE, 3)
-    uptake, pet = names["uptake"], names["pet"]
+    uptake, pet = names["uptake"], rle_splat.read_volume("pet.nrrd")
     assert uptake.shape_xyz == names["scan"].shape_xyz and uptake.value_unit == "SUVbw"
     np.testing.assert_allclose(uptake.physical(uptake.voxels[::2, ::2, ::2]), pet.physical(pet.voxels), atol=1e-5)
     assert "100% Done" in capsys.readouterr().out

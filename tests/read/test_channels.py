@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from rle_splat.classify.transfer_function import TransferFunction
+from rle_splat.read.channels import read_channel
+from rle_splat.read.formats import write_volume
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import Camera, Channel, Labels, RleSplatError, Scene
 from rle_splat.volume.regrid import on_grid_steps
@@ -47,6 +49,17 @@ def test_values_on_another_grid_are_interpolated(dtype, error, turn):
     assert found.voxels.dtype == dtype and found.shape_xyz == SHAPE
     np.testing.assert_allclose(found.voxels, points(SCAN) @ SLOPES + OFFSET, atol=error)
     assert found.remarks == ("The channel has another grid (31 x 31 x 31 voxels); its values were interpolated.",)
+
+
+def test_a_channel_is_read_onto_the_scan_with_options_of_its_file(tmp_path):
+    channel = channel_on(SCAN.affine, SHAPE, value_unit="HU")
+    write_volume(channel, tmp_path / "channel.nrrd")
+    found = read_channel(tmp_path / "channel.nrrd", SCAN, value_unit="SUVbw")
+    np.testing.assert_array_equal(found.voxels, channel.voxels)
+    assert found.value_unit == "SUVbw"
+    channel.voxels.tofile(tmp_path / "channel.raw")
+    raw = read_channel(tmp_path / "channel.raw", SCAN, shape=SHAPE, dtype="float32", spacing=SCAN.spacing)
+    np.testing.assert_array_equal(raw.voxels, channel.voxels)
 
 
 @pytest.mark.parametrize("slope", [1.0, -2.0])
