@@ -16,7 +16,8 @@ DIM, NIGHT, WHITE = (0.12, 0.12, 0.14), (0.01, 0.01, 0.015), (1.0, 1.0, 1.0)  # 
 OPENED = (0.0, 8.0, 30.0)  # mm: from the skull's middle to a plane that cuts off its top
 LOW, BEHIND = (-0.8, -0.3, 1.1), (0.5, 1.0, 0.4)  # directions of suns
 CLEAR = 8.0  # mm of tissue for an opacity
-APERTURE, FOCUS = 9.0, 75.0  # mm: radius of the lens, and how far before the skull's middle it is sharp
+APERTURE, FOCUS = 11.0, 60.0  # mm: radius of the lens, and how far before the brain's middle it is sharp
+LEFT = (-0.9, 0.9, 0.5)  # of a camera: from its left and above
 
 
 def make(brain: Path, skull: Path, bone: Path) -> dict[str, Image.Image]:
@@ -33,13 +34,12 @@ def make(brain: Path, skull: Path, bone: Path) -> dict[str, Image.Image]:
     middle = rs.turntable_aim(bones.volume, bones.volume_matrix)
     top = rs.Clip(kind="plane", matrix_world=rs.look_at(middle + OPENED, middle))
     opened = replace(bones, clips=(top,), lights=(_sun(bones, LOW, 3.5),), world=DIM, ambient_occlusion=0.7)
-    camera, _ = rs.turntable(bones.volume, azimuth=28, elevation=15, fit=0.95, perspective=True, fov=55)
-    camera = replace(camera, shift_x=-0.05, shift_y=-0.09)
+    camera, _ = rs.turntable(folds.volume, azimuth=25, elevation=35, fit=1.1, perspective=True, fov=60)
     near = replace(
-        bones, camera=camera, world=(0.2, 0.2, 0.22), lights=(_sun(bones, (0.2, -1.0, 1.2), 3.0),), volume_shadows=True,
-        ambient_occlusion=0.8,
+        folds, camera=camera, world=(0.2, 0.2, 0.22), lights=(_sun(folds, camera.matrix_world[:3, :3] @ LEFT, 4.0),),
+        volume_shadows=True, ambient_occlusion=0.8,
     )  # fmt: skip
-    distance = np.linalg.norm(camera.matrix_world[:3, 3] - middle)
+    distance = np.linalg.norm(camera.matrix_world[:3, 3] - rs.turntable_aim(folds.volume, folds.volume_matrix))
     lens = replace(camera, aperture_radius=APERTURE, focus_distance=float(distance) - FOCUS)
     scenes = {
         "Shadows off": opened, "Shadows on": replace(opened, volume_shadows=True), "Ambient Occlusion 0": white,

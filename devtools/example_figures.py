@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw
 
+import rle_splat as rs
 from rle_splat.classify.presets import PRESETS
 from rle_splat.scene.display import to_bytes
 
@@ -34,6 +35,7 @@ SMALL, POSTER, EYE = 360, 3600, (735, 2470)  # pixels: a picture's side, a poste
 PYTHON = 480  # pixels: a side of the pictures of the page on Python
 TILE, WORKERS = 90, ("#4477aa", "#ee6677", "#228833", "#ccbb44")  # pixels; a color for each
 MOST_BYTES, BLACK, GRAY = 80_000, (0.0, 0.0, 0.0), "#303030"
+ABOVE_LEFT = (-0.7, 0.8, 0.8)  # of a camera: the sun of the turntable
 TURN, MILLISECONDS = 60, 66  # frames of the turntable, and how long each is shown
 FIRST = "--fit", "0.9", "--quality", "fine"
 TURNED = "--azimuth", "35", "--elevation", "20"
@@ -82,16 +84,13 @@ def _sun_of_the_tutorial(folder: Path) -> str:
 
 
 def command_lines(folder: Path) -> list[list[str]]:
-    """The figures, a turntable, and a part of the skull in two qualities."""
+    """The figures, a brain, and a part of the skull in two qualities."""
     skull, views = skull_words(folder), [word for view in VIEWS for word in ("--view", *map(str, view))]
     brain = data_folder() / BRAIN
     turned = brain if brain.is_file() else skull[0]
     page = ["figure", *skull, "--columns", "3", "--quality", "fine"]
     return [
         [*page, *views, "-o", str(folder / "figure-skull.svg"), "-o", str(folder / "figure-skull.png")],
-        ["render", str(turned), "--frames", "1", str(TURN), "--turn", str(360 // TURN), "--elevation", "15", "--fit",
-         "1.15", "--size", str(PYTHON), *LIT, _sun_of_the_tutorial(folder), "--quality", "fine", "-o",
-         str(folder / "turn.png")],
         *(["render", *skull, *CLOSE, "--quality", quality, "-o", str(folder / f"how-to-{quality}.png")]
           for quality in ("draft", "fine")),
         *(["render", str(turned), *FIRST, *more, "--size", "512", "-o", str(folder / f"{name}.png")]
@@ -117,7 +116,6 @@ def beside(folder: Path, name: str, pictures: dict[str, Image.Image], most: int 
 def picture_and_depth(folder: Path) -> None:
     """The picture, the depth and the cut picture of the page on Python, as that page makes them, but for the transfer
     function."""
-    import rle_splat as rs
 
     volume = rs.read_volume(skull_words(folder)[0])
     camera, matrix = rs.turntable(volume, azimuth=30, elevation=20, fit=0.95)
@@ -191,9 +189,6 @@ def example_of_the_readme(folder: Path) -> None:
 
 def from_parts(folder: Path) -> None:
     """The pictures that are put together from others."""
-    frames = [on_gray(Image.open(folder / f"turn_{number:04}.png")) for number in range(1, TURN + 1)]
-    frames[0].save(folder / "how-to-turn.webp", save_all=True, append_images=frames[1:], duration=MILLISECONDS, loop=0,
-                   quality=70, method=6)  # fmt: skip
     whole, coarse, part = (Image.open(folder / f"{name}.png").convert("RGBA") for name in ("whole", "coarse", "part"))
     beside(folder, "how-to-coarse", {"--level 2": coarse, "All voxels": whole})
     beside(folder, "first-picture", {f"{name}.png": Image.open(folder / f"{name}.png") for name in ("out", "side")})
@@ -210,6 +205,7 @@ def from_parts(folder: Path) -> None:
     beside(folder, "how-to-tiles", {"Tiles of four workers": tiled, "The picture": whole})
     picture_and_depth(folder)
     example_of_the_readme(folder)
+    turn(folder)
     effects(folder)
     strip(folder)
     opening(folder)
@@ -224,6 +220,26 @@ def slices(series: Path) -> Image.Image:
     sheet = np.vstack([np.hstack([one.pixel_array for one in some[n : n + 4]]) for n in range(0, 12, 4)])
     values = sheet * float(files[0].RescaleSlope) + float(files[0].RescaleIntercept)
     return Image.fromarray(np.uint8(np.clip((values + 1000.0) * (255.0 / 2000.0), 0.0, 255.0)))
+
+
+def turn(folder: Path) -> None:
+    """how-to-turn.webp: a brain under a sun and a world that turn with the camera; with the data folder alone."""
+    if not (data_folder() / BRAIN).is_file():
+        return
+    volume = rs.read_volume(data_folder() / BRAIN)
+    function, _ = rs.default_transfer_function(volume)
+    frames, cache = [], rs.StageCache()
+    for azimuth in range(0, 360, 360 // TURN):
+        camera, matrix = rs.turntable(volume, azimuth=azimuth, elevation=15, fit=1.15)
+        toward = camera.matrix_world[:3, :3] @ ABOVE_LEFT
+        scene = rs.Scene(
+            volume, function, camera, PYTHON, PYTHON, volume_matrix=matrix, headlight=False,
+            lights=(rs.Light(matrix_world=rs.look_at(toward, (0.0, 0.0, 0.0)), energy=3.0),), volume_shadows=True,
+            world=(0.15, 0.15, 0.18), ambient_occlusion=1.0,
+        )  # fmt: skip
+        frames.append(on_gray(Image.fromarray(to_bytes(rs.render(scene, "fine", cache=cache).rgba), "RGBA")))
+    frames[0].save(folder / "how-to-turn.webp", save_all=True, append_images=frames[1:], duration=MILLISECONDS, loop=0,
+                   quality=70, method=6)  # fmt: skip
 
 
 def effects(folder: Path) -> None:

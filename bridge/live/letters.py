@@ -25,6 +25,7 @@ LETTERS = frozenset("RLAPIS")
 SIZE = 15  # points; scaled with Blender's interface
 ALONG = 0.75  # cosine with the view above which letters lie in front of the volume and behind it
 ALIKE = 0.7  # cosine in the picture above which of two axes only the one more across the view has letters
+ASLANT = 1e-6  # of the most that a line faces a direction: lines along it, which no letter passes
 APART = 0.04  # distance from the face, as a fraction of the box's length along that axis
 FONT = 0  # Blender's own
 
@@ -73,12 +74,17 @@ def letters_beside(corners: np.ndarray, middle: np.ndarray, axes: list) -> list:
     Returns
     -------
     list of (int, Vector, float)
-        The axis, its direction, and how far the box reaches from its middle to that side and to the other.
+        The axis, its direction, and how far the outline of the box is from its middle to that side and to the other.
     """
-    found = []
+    found, corners = [], corners - middle
+    # Of the lines through two corners, moved outward until all corners are behind them, the nearest are the outline.
+    sides = (corners[:, None] - corners).reshape(-1, 2)[:, ::-1] * (1.0, -1.0)  # normals of the lines
+    reach = np.abs(corners @ sides.T).max(axis=0)
     for n, (along, across) in sorted(enumerate(axes), key=lambda one: abs(one[1][0])):
         if abs(along) <= ALONG and all(abs(across.dot(other)) <= ALIKE for _, other, _ in found):
-            found.append((n, across, float(np.abs((corners - middle) @ np.array(across)).max())))
+            facing = np.abs(sides @ np.array(across))
+            ahead = facing > ASLANT * facing.max()
+            found.append((n, across, float((reach[ahead] / facing[ahead]).min())))
     return found
 
 

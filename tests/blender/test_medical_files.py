@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from bpy_extras.object_utils import world_to_camera_view
 from mathutils import Euler, Vector
+from mathutils.geometry import convex_hull_2d
 
 from tests.blender import formats, scenes
 
@@ -135,9 +136,12 @@ def test_letters_of_a_render_stand_beside_a_volume_that_is_seen_aslant(nifti, br
     made = {one.name: seen(one.matrix_world.translation) for one in scene.objects if len(one.name) == 1}
     assert set(made) == set(expected)
     box = np.array([seen(corner) for corner in corners])
+    outline = box[convex_hull_2d([Vector(corner) for corner in box])]  # counterclockwise
+    sides = np.roll(outline, -1, axis=0) - outline
+    outward = np.stack((sides[:, 1], -sides[:, 0]), axis=1) / np.linalg.norm(sides, axis=1)[:, None]
     for letter, point in made.items():
-        others = box @ (away := point - seen(corners.mean(axis=0)))
-        assert point @ away > others.max(), f"{letter} lies over the volume"
+        away = point - seen(corners.mean(axis=0))
+        assert ((point - outline) * outward).sum(axis=1).max() > 0.01, f"{letter} lies over the volume"
         true = seen(dict(bridge("live.letters").placed_letters(owner))[letter]) - seen(corners.mean(axis=0))
         assert true @ away > 0.0, f"{letter} is on the wrong side"
     scene.camera.data.lens *= 8.0
