@@ -89,8 +89,8 @@ def meshes(stage: Stage):
     glass.node_tree.nodes["Principled BSDF"].inputs["Transmission Weight"].default_value = 1.0
     bpy.ops.mesh.primitive_cube_add(size=size)
     pane = named("Pane", glass)
-    pane.matrix_world = Matrix.Translation(at(0.19, -0.6, ground + 0.4)) @ Matrix.Diagonal((0.4, 0.012, 0.8, 1.0))
-    toward = (-0.55, -2.3, 0.75)
+    pane.matrix_world = Matrix.Translation(at(0.03, -0.64, ground + 0.4)) @ Matrix.Diagonal((0.4, 0.012, 0.8, 1.0))
+    toward = (-0.95, -2.15, 0.8)
     stage.camera(toward, lens=46.0, aim=(0.0, 0.0, -0.14))
     stage.sweep(toward, ground, (0.08, 0.084, 0.092)).visible_shadow = False
     stage.lamp("Key", "SUN", 3.0, (-1.0, -0.6, 1.5), WARM, angle=math.radians(3.0))
