@@ -149,7 +149,7 @@ def _choose_mode(group, index: int) -> None:
         group.window_center, group.window_width, group.preset_center = group.shaded_window
 
 
-class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
+class VolumeProperties(Playback, SourceOptions, bpy.types.PropertyGroup):
     """The source, facts, transfer function and shading of one volume object."""
 
     is_volume: BoolProperty(
