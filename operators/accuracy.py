@@ -67,7 +67,7 @@ class RLE_SPLAT_OT_measure_accuracy(_Measurement, bpy.types.Operator):
 
 class RLE_SPLAT_OT_choose_plan(bpy.types.Operator):
     bl_idname = "rle_splat.choose_plan"
-    bl_label = "Choose Plan"
+    bl_label = "Choose Measured Settings"
     bl_description = "Use these measured settings as the scene's Quality"
     bl_options = {"REGISTER", "UNDO"}
 
@@ -96,7 +96,7 @@ class RLE_SPLAT_OT_error_map(_Measurement, bpy.types.Operator):
     )
 
     step: IntProperty(
-        name="Every", description="Measure one pixel in each block of this many pixels across and down; 1 measures "
+        name="Step", description="Measure one pixel in each block of this many pixels across and down; 1 measures "
         "every pixel, which takes a minute or two for a large picture", default=4, min=1, soft_max=16)  # fmt: skip
 
     def prepare(self, context):

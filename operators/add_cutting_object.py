@@ -6,6 +6,7 @@ from bpy.app.translations import pgettext_tip
 from bpy.props import EnumProperty
 
 from ..bridge.data.settings import scene_scale_of
+from ..bridge.data.volume_properties import CLIP_ITEMS
 from ..bridge.look import transfer
 from ..bridge.scene import clip_objects
 from ..bridge.volumes import box, encoded, labels, volumes
@@ -25,7 +26,7 @@ KINDS = [
     ),
 ]
 FIT = EnumProperty(
-    name="Fit", description="What a cut box encloses or a new plane divides",
+    name="Fit", description="What a cutting box encloses, or a new cutting plane divides",
     items=[("VOLUME", "Whole Volume", "All voxels"),
            ("VISIBLE", "Visible Part", "The voxels that the opacity curve shows")])  # fmt: skip
 
@@ -90,10 +91,7 @@ class RLE_SPLAT_OT_add_cutting_object(LoadsFirst, bpy.types.Operator):
     bl_options = {"REGISTER", "UNDO"}
 
     kind: EnumProperty(name="Kind", description="Shape of the cut", items=KINDS)
-    keep: EnumProperty(
-        name="Keep", description="Part of the volume that stays visible",
-        items=[("INSIDE", "Inside", "Keep what is inside the box, or behind the arrow"),
-               ("OUTSIDE", "Outside", "Keep what is outside the box, or in front of the arrow")])  # fmt: skip
+    keep: EnumProperty(name="Keep", description="Part of the volume that this cutting object keeps", items=CLIP_ITEMS)
     fit: FIT
 
     poll = classmethod(has_volume)

@@ -23,25 +23,26 @@ FROM_THE_FRONT = Matrix.Rotation(np.pi / 2.0, 3, "X").to_quaternion()  # the vie
 
 
 class RLE_SPLAT_OT_add_lights(LoadsFirst, bpy.types.Operator):
-    """Add lights that suit the volume in place of those that this button added before, and set Light Source, Shadows,
-    Ambient Occlusion and Scattering to go with them. Skin and Smoke also set the surface, and the next kind brings it
-    back. Left and right are those of the active camera, or else of the 3D viewport"""
+    """Add the lights of a recipe, fitted to the volume, in place of those that this button added before, and set Light
+    Source, Shadows, Ambient Occlusion and Scattering to go with them. For Skin and For Smoke also set the surface, and
+    the next recipe brings it back. Left and right are those of the active camera, or else of the 3D viewport"""
 
     bl_idname = "rle_splat.add_lights"
     bl_label = "Add Lights"
     bl_options = {"REGISTER", "UNDO"}
 
     kind: EnumProperty(
-        name="Kind",
-        description="What the lights are for",
+        name="Recipe",
+        description="Lights, and the settings that go with them",
         items=[
             ("THREE", "Three Lights", "Add a key light from the upper left, a weak fill light and a bright rim light"),
-            ("BONE", "Bone", "Add a sun from the upper left and a bluish rim light, for fractures and implants"),
-            ("SOFT", "Soft", "Add two large soft lights from the left and the right, for anatomy"),
-            ("SKIN", "Skin", "Add a warm light from the right and behind and a weaker one from the left, which scatter "
-             "in skin"),
-            ("SMOKE", "Smoke", "Add an orange sun from the right and a blue one from the left"),
-            ("SPECIMEN", "Specimen", "Add a sun from the left, which shows the texture of a surface, and a rim light"),
+            ("BONE", "For Bone", "Add a sun from the upper left and a bluish rim light, for fractures and implants"),
+            ("SOFT", "Soft Lights", "Add two large soft lights from the left and the right, for anatomy"),
+            ("SKIN", "For Skin", "Add a warm light from the right and behind and a weaker one from the left, which "
+             "scatter in skin"),
+            ("SMOKE", "For Smoke", "Add an orange sun from the right and a blue one from the left"),
+            ("SPECIMEN", "For Specimens", "Add a sun from the left, which shows the texture of a surface, and a rim "
+             "light, for insects, shells and the like"),
         ],
     )  # fmt: skip
 

@@ -20,7 +20,7 @@ from .through_camera import evaluated, has_volume_and_camera
 
 class RLE_SPLAT_OT_add_names(LoadsFirst, bpy.types.Operator):
     """Add the names of the segments that are shown, each with a line to what the camera sees of it, as objects that
-    turn with the camera. Click again after a change: texts that you have edited are kept"""
+    turn with the camera. Click again after a change: texts that you have edited stay"""
 
     bl_idname = "rle_splat.add_names"
     bl_label = "Add Names of Segments"

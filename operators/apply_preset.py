@@ -17,7 +17,7 @@ class RLE_SPLAT_OT_apply_preset(AppliesTransfer, bpy.types.Operator):
     bl_idname = "rle_splat.apply_preset"
     bl_label = "Apply Preset"
 
-    preset: EnumProperty(name="Preset", description="Built-in transfer function", items=IMPORT_ITEMS)
+    preset: EnumProperty(name="Preset", description="Built-in preset", items=IMPORT_ITEMS)
 
     @classmethod
     def description(cls, _context, properties):

@@ -13,7 +13,7 @@ from .segmenting import MakesSegments
 TOOLS = [
     ("GROW", "Grow", "Add all voxels within a distance, also those of other segments", "FULLSCREEN_ENTER"),
     ("SHRINK", "Shrink", "Remove all voxels within a distance of the segment's boundary", "FULLSCREEN_EXIT"),
-    ("SMOOTH", "Smooth", "Remove bumps, and fill notches, that are smaller than a ball", "SMOOTHCURVE"),
+    ("SMOOTH", "Smooth", "Remove bumps and fill notches that are smaller than a ball of a given radius", "SMOOTHCURVE"),
     ("FILL", "Fill Holes", "Add all voxels that the segment encloses and that are in no segment", "SNAP_VOLUME"),
     ("LARGEST", "Keep Largest", "Remove all but the largest connected part", "SNAP_FACE"),
     ("INVERT", "Invert", "Swap the segment and the voxels that are in no segment", "ARROW_LEFTRIGHT"),

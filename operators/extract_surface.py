@@ -37,7 +37,10 @@ class RLE_SPLAT_OT_extract_surface(StepwiseOperator, bpy.types.Operator):
     of: EnumProperty(
         name="Surface Of",
         description="What the surface is the boundary of",
-        items=[(OPACITY, "Opacity", "Isosurface of the opacity"), (VALUE, "Value", "Isosurface of the value")],
+        items=[
+            (OPACITY, "Opacity", "Surface at which the opacity passes a limit"),
+            (VALUE, "Value", "Surface at which the value passes a limit"),
+        ],
     )
     opacity: FloatProperty(
         name="Opacity", description="Opacity at the surface, as a share of the largest one of the transfer function",

@@ -98,7 +98,7 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
     is_channel = False  # whether the volumes are added to the picture of another one
 
     preset: EnumProperty(
-        name="Transfer Function", description="Initial colors and opacities", items=IMPORT_ITEMS, options={"SKIP_SAVE"}
+        name="Preset", description="Initial colors and opacities", items=IMPORT_ITEMS, options={"SKIP_SAVE"}
     )
     at_cursor: BoolProperty(
         name="Center at Cursor", description="Place the center of the volume at the 3D cursor instead of keeping the "
@@ -107,9 +107,8 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
         name="Show in View", description="Move the view so that all of the volume is seen, and open the sidebar at "
         "its tab. Camera views are not changed", default=True)  # fmt: skip
     use_headlight: BoolProperty(
-        name="Add Headlight if Dark", description=("Light the first volume of a scene with a headlight if the "
-            "scene's lights leave a side of it dark. The Lighting panel "
-            "changes it"),
+        name="Add Headlight if Dark", description="Light the first volume of a scene with a headlight if the "
+        "scene's lights leave a side of it dark. Light Source in Lighting changes it",
         default=False, options={"SKIP_SAVE"})  # fmt: skip
     use_segments: BoolProperty(
         name="Load Segments", description="Show the segmentation that lies beside the scan, colored by anatomy: a "

@@ -23,14 +23,12 @@ class RLE_SPLAT_OT_preview_in_camera_view(StepwiseOperator, bpy.types.Operator):
     )
 
     place: EnumProperty(
-        name="Preview Position", description="Where the camera view shows the picture",
-        items=[("BACK", "Behind", "Show it behind the objects"),
-               ("FRONT", "In Front", "Show it in front of the objects, except where a mesh hides the volume"),
-               ("SCENE", "As Set", "Use the setting in the panel")],
+        name="Preview Position", description="Whether the camera view shows the picture behind or in front of the "
+        "objects", items=[*backdrop.PLACES, ("SCENE", "As Set", "Use the setting in the panel")],
         default="SCENE", options={"SKIP_SAVE"})  # fmt: skip
     follow: BoolProperty(
-        name="Keep Up to Date", description="Update the picture whenever the frame or the scene changes. "
-        "If unset, the panel's setting is used",
+        name="Keep Up to Date", description="Update the picture when the frame, the camera, the volume, a light, a "
+        "cutting object or a setting changes. If unset, the panel's setting is used",
         options={"SKIP_SAVE"})  # fmt: skip
 
     poll = classmethod(has_volume_and_camera)

@@ -25,8 +25,8 @@ class RLE_SPLAT_OT_relocate_volume(ReadsFiles, bpy.types.Operator, ImportHelper)
 
     filter_glob: StringProperty(default=";".join("*" + suffix for suffix in LAST_SUFFIXES), options={"HIDDEN"})
     series: IntProperty(
-        name="Series", description=("Number of the series if the folder holds several; 0 uses "
-            "that of the import"),
+        name="Series", description="Number of the series, from 1, if the folder holds several; 0 uses that of the "
+        "import",
         default=0, min=0, options={"SKIP_SAVE", "HIDDEN"})  # fmt: skip
     use_dialog: BoolProperty(
         name="Dialog", description="Ask for the file before reading", default=True, options={"SKIP_SAVE", "HIDDEN"}

@@ -1,4 +1,4 @@
-"""Drag in Viewport: choose the Window and Level tool."""
+"""Window and Level Tool: choose the Window and Level tool."""
 
 import bpy
 
@@ -8,10 +8,10 @@ TOOL = "rle_splat.window_tool"  # as registered by panels/window_tool.py
 
 
 class RLE_SPLAT_OT_use_window_tool(bpy.types.Operator):
-    """Select the tool for dragging window and level in the viewport. It also shows the value under the mouse"""
+    """Choose the Window and Level tool: drag in the viewport to change both, and read the value under the mouse"""
 
     bl_idname = "rle_splat.use_window_tool"
-    bl_label = "Drag in Viewport"
+    bl_label = "Window and Level Tool"
     bl_options = set()
 
     @classmethod

@@ -15,7 +15,7 @@ REST = 20.0  # seconds without a move until the mouse is no longer followed
 
 class RLE_SPLAT_OT_value_at_surface(bpy.types.Operator):
     """Show the value, voxel, position and segment at the first visible surface along a ray; in a viewport, on the
-    slice or the surface under the mouse, as with the tool Window and Level"""
+    slice or the surface under the mouse, as with the Window and Level tool"""
 
     bl_idname = "rle_splat.value_at_surface"
     bl_label = "Value at Surface"

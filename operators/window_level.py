@@ -34,7 +34,7 @@ class RLE_SPLAT_OT_window_level(bpy.types.Operator):
     bl_label = "Window and Level"
     bl_options = {"REGISTER", "UNDO"}
 
-    preset: EnumProperty(name="Preset", description="Common window", items=ITEMS)
+    preset: EnumProperty(name="Common Window", description="Window for a tissue, or over all values", items=ITEMS)
     center: FloatProperty(name="Level", description="Value at the center of the range", translation_context=OURS)
     width: FloatProperty(name="Window", description="Width of the range of values", default=1.0, min=1e-6)
     keep_values: BoolProperty(

@@ -58,12 +58,10 @@ def _draw_views(layout, properties) -> None:
 
 
 def _draw_hidden(layout, properties) -> None:
-    """The eye of what Hide Table has hidden, for a table is not all that lies beside a body."""
+    """The button for what Hide Table has hidden, for a table is not all that lies beside a body."""
     rows = properties.labels
     if [row.label_name for row in rows] == [one.name for one in NAMES] and not rows[BACKGROUND].show:
-        row = layout.row()
-        row.label(text="Hidden: table or holder")
-        row.prop(properties, "show_table", text="", icon="HIDE_ON", emboss=False)
+        layout.prop(properties, "show_table", icon="HIDE_ON", toggle=True)
 
 
 def _draw_progress(layout) -> None:

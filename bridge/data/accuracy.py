@@ -21,12 +21,12 @@ ERROR_KIND = "error"  # a key of pictures.SUFFIXES
 class AccuracyRowProperties(bpy.types.PropertyGroup):
     """A plan with its measured time and error; ``name`` is the plan's name."""
 
-    knobs: StringProperty(name="Settings", description="Settings of the plan as JSON")
+    knobs: StringProperty(name="Settings", description="Settings as JSON")
     truth: StringProperty(name="Reference", description="Exact result that the error is measured against")
     frame_ms: FloatProperty(name="Time", description="Milliseconds for one frame", min=0.0)
     rmse: FloatProperty(name="RMSE", description="Root mean square error in 8-bit steps", min=0.0)
     largest: FloatProperty(name="Largest Error", description="Largest error in 8-bit steps", min=0.0)
-    on_front: BoolProperty(name="On the Front", description="No other plan is both faster and more accurate")
+    on_front: BoolProperty(name="On the Front", description="No other settings are both faster and more accurate")
 
 
 def note_sweep(settings, report: dict, what: str) -> None:

@@ -15,11 +15,16 @@ from .overridable import evaluate_anew
 SHADOWS_ON_MESHES = "shadows on meshes"
 # Name of an effect -> what it does, for tooltips.
 TEXTS = {name: kind.text for name, kind in EFFECTS.items()} | {
-    SHADOWS_ON_MESHES: "lets the volume cast shadows on meshes in renders, not in viewports: soft ones in Cycles, the "
+    SHADOWS_ON_MESHES: "Let the volume cast shadows on meshes in renders, not in viewports: soft ones in Cycles, the "
     "outline of dense parts in EEVEE. Cycles also shows the volume's reflection in meshes",
 }
 # The effects that panels call something else than their names in Title Case.
-PANEL_NAMES = {"clip objects": "Cutting Objects", "indirect light": "Scattering"}
+PANEL_NAMES = {
+    "clip objects": "Cutting Objects",
+    "indirect light": "Scattering",
+    "labels": "Segments",
+    "mesh occlusion": "Meshes Hide Volume",
+}
 AUTO = "auto"
 STATES = {AUTO: None, "on": True, "off": False}
 STATE_ITEMS = [
@@ -28,9 +33,9 @@ STATE_ITEMS = [
     ("off", "Off", "Never use the effect. It then takes no time"),
 ]
 SHADOW_ITEMS = [
-    STATE_ITEMS[0],
-    ("on", "On", "Always use the effect, even if no light casts shadows or no mesh can receive them"),
-    STATE_ITEMS[2],
+    (AUTO, "Auto", "Cast shadows on meshes if a light casts shadows and a mesh can receive them"),
+    ("on", "On", "Cast shadows on meshes even if no light casts shadows or no mesh can receive them"),
+    ("off", "Off", "Cast no shadows on meshes. This takes no time"),
 ]
 
 
@@ -56,7 +61,7 @@ class EffectOverrideProperties(bpy.types.PropertyGroup):
     """One enum property for each effect."""
 
     __annotations__ = {
-        property_of(name): _Override(name=title(name), description=text[0].upper() + text[1:], items=items_of(name))
+        property_of(name): _Override(name=title(name), description=text, items=items_of(name))
         for name, text in TEXTS.items()
     }
 

@@ -27,7 +27,7 @@ class Playback:
     """Mix-in for the property group of a volume object."""
 
     frame_count: IntProperty(
-        name="Time Points", description="Number of time points that the source holds", default=1, min=1
+        name="Time Points", description="Number of time points that the file holds", default=1, min=1
     )
     data_frame: IntProperty(
         name="Frame of the Hash", description="Frame whose voxels have the data hash", default=1, min=1,

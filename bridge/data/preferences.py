@@ -70,7 +70,7 @@ class RLE_SPLAT_AP_preferences(bpy.types.AddonPreferences):
         description="Render a view with the scene's Quality once nothing changes. If off, viewports show drafts only",
     )
     live_pixels: EnumProperty(
-        name="Drafts", items=DRAFT_ITEMS, update=_live_changed,
+        name="Resolution While Moving", items=DRAFT_ITEMS, update=_live_changed,
         description="Resolution of what viewports show while anything changes")  # fmt: skip
     memory_limit: FloatProperty(
         name="Memory Limit", description="Most memory that one volume or picture may take, in GiB",

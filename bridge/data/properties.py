@@ -153,8 +153,8 @@ class SceneSettings(bpy.types.PropertyGroup):
         description="Largest allowed error of a color, in 8-bit steps, of which 255 lead from black to white. "
         "The picture's error is measured and reported")  # fmt: skip
     use_max_error: BoolProperty(
-        name="Maximum Error", description="Use the fastest settings expected to stay below an error, instead of "
-        "Quality",
+        name="Maximum Error", description="Use the fastest settings expected to stay below a maximum error, "
+        "instead of Quality",
         **switch("max_error", 0.0, 2.0, when_special=False))  # fmt: skip
     classification: EnumProperty(
         name="Interpolate", description=PLAIN_TEXTS["classification"], items=CLASSIFICATION_ITEMS,
@@ -189,7 +189,9 @@ class SceneSettings(bpy.types.PropertyGroup):
     rays: LiveFloat(
         name="Exact Pixels", description=PLAIN_TEXTS["rays"], default=USUAL.rays, min=0.0, soft_max=1.0, precision=3
     )
-    threads: LiveInt(name="Threads", description="Number of threads", default=0, min=0, soft_max=64)
+    threads: LiveInt(
+        name="Threads", description="Number of threads that make this scene's pictures", default=0, min=0, soft_max=64
+    )
     use_all_cores: BoolProperty(
         name="All Cores", description="Use as many threads as the processor has cores",
         **switch("threads", 0, os.cpu_count() or 1))  # fmt: skip
@@ -217,8 +219,8 @@ class SceneSettings(bpy.types.PropertyGroup):
     )
     ambient_occlusion: LiveFloat(
         name="Ambient Occlusion", default=0.0, min=0.0, max=1.0, precision=2,
-        description="Darken places where the volume or a mesh blocks the light from all sides; 1 is full strength"
-    )  # fmt: skip
+        description="Darken Ambient and World Light where the volume or a mesh blocks them, as in hollows; 1 is full "
+        "strength")  # fmt: skip
     indirect_light: LiveFloat(
         name="Scattering", default=0.0, min=0.0, max=1.0, precision=2,
         description="Scatter the light of scene lights that cast shadows, so that skin, fat and thin parts are "
@@ -238,7 +240,8 @@ class SceneSettings(bpy.types.PropertyGroup):
         "middle. Renders do not show it: use Add Letters and Scale Bar")  # fmt: skip
     show_color_bar: BoolProperty(
         name="Color Bar", default=False, update=_redraw,
-        description="Show the colors of the volume's window with their values in 3D viewports")  # fmt: skip
+        description="Show the volume's colors with their values in 3D viewports. Renders do not show it: use Save "
+        "Figure")  # fmt: skip
     meshes_occlude: LiveBool(
         name="Meshes Hide Volume", default=True,
         description="Let meshes hide the part of the volume behind them, also inside the volume")  # fmt: skip
@@ -249,10 +252,9 @@ class SceneSettings(bpy.types.PropertyGroup):
     backdrop_depth: EnumProperty(
         name="Preview Position", description="Whether the camera view shows the picture behind or in front of the "
         "objects", update=_place_backdrop,
-        items=[("BACK", "Behind", "Show the picture behind the objects"),
-               ("FRONT", "In Front", "Show the picture in front of the objects")])  # fmt: skip
+        items=backdrop.PLACES)  # fmt: skip
     backdrop_object: PointerProperty(
-        name="Backdrop Volume", type=bpy.types.Object, description="Volume in the backdrop"
+        name="Volume in Camera View", type=bpy.types.Object, description="Volume that the camera view shows"
     )
     backdrop_follows: BoolProperty(
         name="Keep Up to Date", default=False, update=evaluate_anew,
@@ -265,7 +267,7 @@ class SceneSettings(bpy.types.PropertyGroup):
         name="Deleted Volume", options={"HIDDEN"},
         description="Name of the volume in renders, for messages once it is deleted")  # fmt: skip
     composite_image: PointerProperty(
-        name="Composite Picture", type=bpy.types.Image, description="Picture of the volume in renders"
+        name="Picture in Renders", type=bpy.types.Image, description="Picture of the volume in renders"
     )
     use_previews, backend = _removed("use_previews", True), _removed("backend", "auto")
     message: StringProperty(name="Message", description="Problem of the last render or frame change")
@@ -279,8 +281,8 @@ class SceneSettings(bpy.types.PropertyGroup):
         name="On Error", description="What happens if the volume cannot be drawn in a rendered frame",
         items=FAILED_FRAME_ITEMS)  # fmt: skip
     use_composite: BoolProperty(
-        name="Show in Renders", description="Render the volume with every frame and combine it with the meshes",
-        default=False)  # fmt: skip
+        name="Show in Renders", description="Include this scene's volumes in every render", default=False
+    )
     scene_id: StringProperty(
         name="Id", description="Id of this scene, stored in the images of its pictures", options={"HIDDEN"}
     )
@@ -293,9 +295,9 @@ class SceneSettings(bpy.types.PropertyGroup):
         type=EffectOverrideProperties, name="Effects by Hand", description="Effects that are forced on or off"
     )
     effect_rows: CollectionProperty(type=EffectRowProperties, name="Effects", description="State of each effect")
-    effects_note: StringProperty(name="Effects of", description="What the list of effects describes")
+    effects_note: StringProperty(name="Note on Effects", description="What the list of effects describes")
     accuracy_rows: CollectionProperty(
-        type=AccuracyRowProperties, name="Measured Plans", description="Measured time and error of each plan"
+        type=AccuracyRowProperties, name="Measured Settings", description="Measured times and errors of settings"
     )
     accuracy_note: StringProperty(name="Measurement", description="Volume, camera and size of the measurement")
     error_image: PointerProperty(name="Error Map", type=bpy.types.Image, description="The last error map")

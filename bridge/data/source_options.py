@@ -20,7 +20,10 @@ from .overridable import (
 )
 
 FILE_SAYS = ("AUTO", "From File", "Use what the file states, or a guess from its size and name")
-DTYPE_ITEMS = [FILE_SAYS] + [(one, one, f"{8 * np.dtype(one).itemsize} bits for each voxel") for one in STORED_TYPES]
+NUMBERS = {"u": "Whole numbers without a sign", "i": "Whole numbers with a sign", "f": "Decimal numbers"}
+DTYPE_ITEMS = [FILE_SAYS] + [
+    (one, one, f"{NUMBERS[np.dtype(one).kind]}, {8 * np.dtype(one).itemsize} bits each") for one in STORED_TYPES
+]
 BYTE_ORDER_ITEMS = [
     FILE_SAYS,
     ("little", "Little Endian", "Least significant byte first, as on most computers"),
@@ -96,7 +99,7 @@ class SourceOptions:
     use_file_spacing: BoolProperty(
         name="From File", description="Use the spacing that the file states, or 1 where it states none",
         get=lambda source: not any(source.spacing), set=_choose_spacing)  # fmt: skip
-    length_unit_given: EnumProperty(name="Unit", description="Unit of lengths", items=UNIT_ITEMS)
+    length_unit_given: EnumProperty(name="Unit", description="Unit of lengths in the file", items=UNIT_ITEMS)
     orientation: StringProperty(
         name="Orientation",
         description="Three letters: where voxel x, y and z grow in the patient, such as LPS for "
@@ -118,19 +121,19 @@ class SourceOptions:
     grid: StringProperty(
         name="Grid", description="Name of the grid in a VDB file; name[1] is the second grid of that name. Empty uses "
         "the grid density, or else the first grid of numbers")  # fmt: skip
-    series: IntProperty(name="Series", description="Number of the series if the folder holds several", default=0, min=0)
+    series: IntProperty(
+        name="Series", description="Number of the series, from 1, if the folder holds several; 0 reads the only one",
+        default=0, min=0)  # fmt: skip
     use_only_series: BoolProperty(
         name="Single Series", description="Read the only series of the folder, or ask which one if there are several",
         **switch("series", 0, 1))  # fmt: skip
     series_key: StringProperty(
         name="Series Hash", description="Hash of the identifier of the DICOM series, by which it is found again",
         options={"HIDDEN"})  # fmt: skip
-    frame: IntProperty(
-        name="Time Point", description="Number of the time point, from 1, if the file holds several", default=0,
-        min=0)  # fmt: skip
+    frame: IntProperty(name="Time Point", description="Time point to read, from 1; 0 is the first", default=0, min=0)
     level: IntProperty(
-        name="Resolution Level", description="Level of an OME-Zarr pyramid; 0 is the finest", default=-1, min=-1
-    )
+        name="Resolution Level", description="Level of an OME-Zarr pyramid: 0 is the finest, -1 the finest that fits "
+        "into memory", default=-1, min=-1)  # fmt: skip
     use_fitting_level: BoolProperty(
         name="Finest That Fits in Memory", description="Read the finest level whose voxels fit into memory",
         **switch("level", -1, 0))  # fmt: skip

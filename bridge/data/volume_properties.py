@@ -57,9 +57,10 @@ LIGHTING_ITEMS = [
     ("NONE", "Unlit", "Show the colors of the transfer function without lights"),
     ("BOTH", "Scene Lights and Headlight", "Use the lights of the scene and a headlight together"),
 ]
+KEEP_OUTSIDE = "Keep what is outside the box, or on the side to which the plane's arrow points"
 CLIP_ITEMS = [
-    ("INSIDE", "Inside", "Keep what is inside the box, or behind the plane. The arrow points to what is removed"),
-    ("OUTSIDE", "Outside", "Keep what is outside the box, or in front of the plane"),
+    ("INSIDE", "Inside", "Keep what is inside the box, or behind the plane, whose arrow points to what is removed"),
+    ("OUTSIDE", "Outside", KEEP_OUTSIDE),
 ]
 
 
@@ -149,7 +150,7 @@ def _choose_mode(group, index: int) -> None:
         group.window_center, group.window_width, group.preset_center = group.shaded_window
 
 
-class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
+class VolumeProperties(Playback, SourceOptions, bpy.types.PropertyGroup):
     """The source, facts, transfer function and shading of one volume object."""
 
     is_volume: BoolProperty(
@@ -177,13 +178,12 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     value_high: FloatProperty(name="Largest Value", description="Largest physical value of the volume", default=1.0)
 
     label_file: StringProperty(
-        name="Segmentation File", description=("Segmentation: a label map, a folder of masks, DICOM SEG or "
-            "RTSTRUCT. It is matched to the scan by its place in the "
-            "patient"),
+        name="Segmentation File", description="File with the segments: a label map, a folder of masks, DICOM SEG or "
+        "RTSTRUCT. It is matched to the scan by its place in the patient",
         subtype="FILE_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"}, update=_labels_chosen)  # fmt: skip
     labels: CollectionProperty(type=LabelProperties, name="Segments", description="Appearance of each segment")
     show_table: BoolProperty(
-        name="Show Table", description="Show the table or holder again", set=_show_table,
+        name="Show Table Again", description="Show the table or head holder that is hidden", set=_show_table,
         get=lambda group: len(group.labels) > BACKGROUND and group.labels[BACKGROUND].show)  # fmt: skip
     labels_of: StringProperty(
         name="Segments Of", description="Name of the segmentation file whose segments are listed", options={"HIDDEN"}
@@ -203,7 +203,7 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         description="Volumes shown together with this one, such as a PET on its CT",
     )
     clip_flipped: BoolProperty(
-        name="Keep Other Side", description="Keep what is outside the box, or in front of the plane", set=_flip,
+        name="Keep Other Side", description=KEEP_OUTSIDE, set=_flip,
         get=lambda group: group.clip_keep == "OUTSIDE")  # fmt: skip
     clip_is_on: BoolProperty(
         name="Enable Cut",
@@ -232,11 +232,11 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
         name="From Volume", default=True, update=_unlink_slices,
         description="Let slices use the window and level of the volume's colors instead of their own")  # fmt: skip
     slice_center: LiveFloat(
-        name="Level", description="Value that slices and gray values on cuts show as middle gray", default=0.5,
+        name="Slice Level", description="Value that slices and gray values on cuts show as middle gray", default=0.5,
         precision=2, translation_context=OURS)  # fmt: skip
     slice_width: LiveFloat(
-        name="Window", description="Width of the range of values that slices and gray values on cuts show from black "
-        "to white", default=1.0, min=1e-6, precision=2)  # fmt: skip
+        name="Slice Window", description="Width of the range of values that slices and gray values on cuts show from "
+        "black to white", default=1.0, min=1e-6, precision=2)  # fmt: skip
     slices_clear_black: LiveBool(
         name="Transparent Black",
         default=False,
@@ -279,7 +279,8 @@ class VolumeProperties(SourceOptions, Playback, bpy.types.PropertyGroup):
     )
     ambient: LiveFloat(
         name="Ambient", default=0.2, min=0.0, soft_max=1.0,
-        description="Brightness that does not depend on the lights. More of it makes shapes look flatter")  # fmt: skip
+        description="Brightness of the colors without any light. More of it makes shapes look flatter; the light of "
+        "the world is World Light")  # fmt: skip
     diffuse: LiveFloat(
         name="Diffuse", default=0.8, min=0.0, soft_max=1.0, description="Brightness of surfaces that face a light"
     )

@@ -9,9 +9,14 @@ import bpy
 
 from . import pictures
 
+PLACES = [
+    ("BACK", "Behind", "Show the picture behind the objects"),
+    ("FRONT", "In Front", "Show the picture in front of the objects, except where a mesh hides the volume"),
+]
+
 
 def show(camera, image, place: str):
-    """Show an image in the camera's frame, in front of the objects or behind them; ``place`` is "FRONT" or "BACK".
+    """Show an image in the camera's frame, in front of the objects or behind them; ``place`` is one of PLACES.
 
     The background image of an earlier call is reused.
     """

@@ -42,7 +42,7 @@ class PictureProperties(bpy.types.PropertyGroup):
 
     kind: StringProperty(name="Kind", description="What the picture shows")
     volume: PointerProperty(name="Volume", type=bpy.types.Object, description="The volume in the picture")
-    camera: PointerProperty(name="Camera", type=bpy.types.Object, description="The camera that shows a backdrop")
+    camera: PointerProperty(name="Camera", type=bpy.types.Object, description="The camera whose view shows the picture")
     image: PointerProperty(name="Image", type=bpy.types.Image, description="The image that holds the picture")
 
 

@@ -74,6 +74,6 @@ def _without(scene: Scene) -> Scene:
 
 
 CLIPPING = Kind(
-    "ends rays at the clip distances of the camera", _judge, _without, stage="clipping",
+    "End rays at the clip distances of the camera", _judge, _without, stage="clipping",
     may_be_idle=True,
 )  # fmt: skip

@@ -113,6 +113,6 @@ def _judge(scene: Scene, quality: Quality) -> tuple[bool, str]:
 
 
 CLIP_OBJECTS = Kind(
-    "cuts the volume by the planes and boxes of the scene", _judge, lambda scene: change(scene, clips=()),
+    "Cut the volume by the planes and boxes of the scene", _judge, lambda scene: change(scene, clips=()),
     stage="clip objects",
 )  # fmt: skip

@@ -139,6 +139,6 @@ def _judge(scene: Scene, quality: Quality) -> tuple[bool, str]:
 
 
 GLASS = Kind(
-    "tints what is seen through glass, by its transmission and color", _judge,
+    "Tint what is seen through glass, by its transmission and color", _judge,
     lambda scene: change(scene, panes=None, pane_shares=None), stage="glass",
 )  # fmt: skip

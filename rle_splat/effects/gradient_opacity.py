@@ -29,6 +29,6 @@ def _without(scene: Scene) -> Scene:
 
 
 GRADIENT_OPACITY = Kind(
-    "multiplies opacity by the size of the gradient, so that surfaces stay and uniform regions become transparent",
+    "Multiply the opacity by a curve over the gradient, so that uniform regions become transparent and surfaces remain",
     _gradient_opacity, _without, stage="gradients",
 )  # fmt: skip

@@ -11,7 +11,7 @@ class Kind:
     Attributes
     ----------
     text : str
-        What it does, for tooltips: begins with a verb, without a period.
+        What it does, for tooltips: an imperative without a period.
     called_for : callable
         ``called_for(scene, quality) -> (on, reason)``: whether the scene calls for it, and why or why not, as words
         behind "on" or "off".  The scene has the effects before it in the table removed where they are off.  It must not

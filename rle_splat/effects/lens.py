@@ -155,6 +155,6 @@ def _judge(scene: Scene, _: Quality) -> tuple[bool, str]:
 
 
 DEPTH_OF_FIELD = Kind(
-    "blurs what is out of focus, as the camera's lens does", _judge,
+    "Blur what is out of focus, as the camera's lens does", _judge,
     lambda scene: change(scene, camera=change(scene.camera, aperture_radius=0.0)),
 )  # fmt: skip

@@ -105,19 +105,18 @@ def _with_specular(scene: Scene) -> Scene:
 
 
 SHADING = Kind(
-    "shades by the angle between the light and the surface; its normal is the gradient", _shading,
-    _remove_shade, stage="shade", with_default=_force_shade,
+    "Shade surfaces by their angle to the light", _shading, _remove_shade, stage="shade", with_default=_force_shade,
 )  # fmt: skip
 LIGHTS = Kind(
-    "lights the volume by the light objects of the scene instead of a headlight", _lights,
+    "Light the volume by the lights of the scene", _lights,
     lambda scene: change(scene, lights=()),
 )  # fmt: skip
 HEADLIGHT = Kind(
-    "lights the volume by one white parallel light along the camera's axis", _headlight,
+    "Light the volume by one white parallel light along the camera's axis", _headlight,
     lambda scene: change(scene, headlight=False),
     with_default=lambda scene: change(scene, headlight=True),
 )  # fmt: skip
 SPECULAR = Kind(
-    "adds highlights, which change with the view", _specular, _without_specular,
+    "Add highlights, which change with the view", _specular, _without_specular,
     with_default=_with_specular,
 )  # fmt: skip

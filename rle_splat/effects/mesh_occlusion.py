@@ -144,6 +144,6 @@ def _any_before(triangles, row: np.ndarray, depth: float) -> bool:
 
 
 MESH_OCCLUSION = Kind(
-    "ends each ray at the first mesh it meets", _judge,
+    "Let meshes hide the part of the volume behind them, also inside the volume", _judge,
     lambda scene: change(scene, triangles=None, ray_ends=None), stage="occlusion",
 )  # fmt: skip

@@ -17,7 +17,7 @@ def _mist(scene: Scene, _: Quality) -> tuple[bool, str]:
 
 
 MIST = Kind(
-    "fades colors into the mist's color with their distance from the camera",
+    "Fade the volume toward the color of the mist with distance",
     _mist,
     lambda scene: change(scene, mist=None),
 )

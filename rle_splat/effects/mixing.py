@@ -123,10 +123,10 @@ def _channels_called_for(scene: Scene, quality: Quality) -> tuple[bool, str]:
 
 
 LABELS = Kind(
-    "gives each segment its own transfer function, or hides it", _labels_called_for,
+    "Give each segment its own transfer function, or hide it", _labels_called_for,
     lambda scene: change(scene, labels=None), stage="mixing",
 )  # fmt: skip
 CHANNELS = Kind(
-    "adds further volumes on the same grid, each by its own transfer function", _channels_called_for,
+    "Add further volumes on the same grid, each with its own transfer function", _channels_called_for,
     lambda scene: change(scene, channels=()), stage="mixing",
 )  # fmt: skip

@@ -72,4 +72,4 @@ def _judge(scene: Scene, _: Quality) -> tuple[bool, str]:
     return True, f"{moved:.1f} pixels while the shutter is open: {motion_pictures(scene)} pictures"
 
 
-MOTION_BLUR = Kind("blurs what moves while the shutter is open", _judge, lambda scene: change(scene, motion=()))
+MOTION_BLUR = Kind("Blur what moves while the shutter is open", _judge, lambda scene: change(scene, motion=()))

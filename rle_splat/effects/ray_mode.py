@@ -45,6 +45,6 @@ def mode_quality(scene: Scene, quality: Quality) -> tuple[Quality, str]:
 
 
 MODE = Kind(
-    "shows absorption alone, or the largest, smallest or mean value of each ray", _mode,
+    "Show absorption alone, or the largest, smallest or mean value of each ray", _mode,
     lambda scene: change(scene, mode=MODES[0]), stage="splat",
 )  # fmt: skip

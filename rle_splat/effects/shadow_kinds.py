@@ -62,20 +62,20 @@ def _force_indirect(scene: Scene) -> Scene:
 
 
 SHADOWS = Kind(
-    "darkens what the volume and the meshes shade from lights that cast shadows", _shadows,
+    "Let the volume and meshes cast shadows on the volume", _shadows,
     lambda scene: change(scene, volume_shadows=False), stage="shadows",
     with_default=lambda scene: change(scene, volume_shadows=True),
 )  # fmt: skip
 WORLD = Kind(
-    "adds the world's light from all directions",
+    "Light the volume from all sides with the world",
     _world,
     lambda scene: change(scene, world=None, environment=None),
 )
 AMBIENT_OCCLUSION = Kind(
-    "reduces ambient light by the share of directions that the volume and the meshes block", _ambient_occlusion,
+    "Darken ambient and world light where the volume or a mesh blocks them", _ambient_occlusion,
     lambda scene: change(scene, ambient_occlusion=0.0), stage="ambient occlusion", with_default=_force_occlusion,
 )  # fmt: skip
 INDIRECT_LIGHT = Kind(
-    "scatters light on its way through the volume, so that thin and soft matter is translucent", _indirect_light,
+    "Scatter light on its way through the volume, so that skin, fat and thin parts are translucent", _indirect_light,
     lambda scene: change(scene, indirect_light=0.0), with_default=_force_indirect,
 )  # fmt: skip

@@ -58,6 +58,23 @@ def test_a_sequence_follows_the_timeline(owner, bridge):
     assert shown_at(bridge, owner, (-5, 1, 2, 3, 4, 5, 99)) == [1, 1, 2, 3, 4, 4, 4]
 
 
+def test_the_live_view_follows_a_script_that_sets_the_time_point(owner):
+    owner.rle_splat.playback = "FIXED"
+    bpy.context.view_layer.update()
+    seen = []
+
+    def note(_scene, depsgraph):
+        seen.extend(update.id.name for update in depsgraph.updates)
+
+    bpy.app.handlers.depsgraph_update_post.append(note)
+    try:
+        owner.rle_splat.frame = 3
+        bpy.context.view_layer.update()
+    finally:
+        bpy.app.handlers.depsgraph_update_post.remove(note)
+    assert owner.name in seen
+
+
 @pytest.mark.parametrize("playback, offset, step, expected", [
     ("HOLD", 2, 1.0, [3, 4, 4, 4, 4, 4]), ("HOLD", -2, 1.0, [1, 1, 1, 2, 3, 4]), ("HOLD", 0, 0.5, [1, 1, 2, 2, 3, 3]),
     ("LOOP", 0, 1.0, [1, 2, 3, 4, 1, 2]), ("LOOP", -1, 1.0, [4, 1, 2, 3, 4, 1]), ("LOOP", 0, -1.0, [1, 4, 3, 2, 1, 4]),
