@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import ast
 import re
+from collections import Counter
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache
@@ -38,6 +39,7 @@ PLACES = {  # (bl_space_type, bl_category or bl_context) -> where a user finds a
     ("PROPERTIES", "render"): "Properties > Render",
     ("PROPERTIES", "data"): "Properties > Object Data",
 }
+OWN = "Positional arguments", "Options"  # groups of argparse that each command lists itself
 LONG_LIST = 13  # choices; of more, only the names are listed
 IN_LINES = 2  # choices; of more, each has a line of its own
 LINE = "<br>"  # between choices that have lines of their own
@@ -80,19 +82,34 @@ def _invocation(action: argparse.Action) -> str:
     return ", ".join(f"`{option}{values}`" for option in action.option_strings)
 
 
+def _groups(name: str) -> dict[str, str]:
+    """The options of one command: a table for each group, by its title, under what the group says of itself."""
+    found = {}
+    for group in command_parser(name)._action_groups:
+        shown = [action for action in group._group_actions if action.help != argparse.SUPPRESS]
+        rows = [(_invocation(action), sentence((action.help or "") % vars(action))) for action in shown]
+        if rows:
+            text = table(("option", "what it does"), rows)
+            found[group.title.capitalize()] = f"{sentence(group.description)}\n\n{text}" if group.description else text
+    return found
+
+
 def command_line() -> str:
-    """Every command, and its options by group."""
+    """Every command and its own options, then the groups of options that several commands have."""
+    groups = {name: _groups(name) for name in COMMANDS}
+    times = Counter(group for name in COMMANDS for group in groups[name].items())
+    shared = {title: text for (title, text), n in times.items() if n > 1 and title not in OWN}
     parts = []
     for name, purpose in COMMANDS.items():
-        parser = command_parser(name)
         parts += [f"## rle-splat {name}", sentence(purpose), f"```\n{example(name)}\n```"]
-        for group in parser._action_groups:
-            shown = [action for action in group._group_actions if action.help != argparse.SUPPRESS]
-            rows = [(_invocation(action), sentence((action.help or "") % vars(action))) for action in shown]
-            if rows:
-                parts.append(f"**{sentence(group.title)}** {sentence(group.description or '')}".strip())
-                parts.append(table(("option", "what it does"), rows))
-    return "\n\n".join(parts)
+        for title, text in groups[name].items():
+            if shared.get(title) != text:
+                parts += [f"**{title}.**", text]
+        also = [f"[{title}](#{title.lower().replace(' ', '-')})" for title in groups[name] if title in shared]
+        if also:
+            parts.append(f"**Also**: {', '.join(also)}.")
+    parts.append("## Options of several commands")
+    return "\n\n".join([*parts, *(f"### {title}\n\n{text}" for title, text in shared.items())])
 
 
 def presets() -> str:

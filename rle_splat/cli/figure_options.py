@@ -29,7 +29,7 @@ def add_figure_options(parser) -> None:
         "--aspect", type=float, metavar="R",
         help="width of a picture over its height (default: of what is visible; with --fit or --camera 1)")  # fmt: skip
     page.add_argument("--columns", type=int, default=DEFAULT.columns, metavar="N",
-                      help="pictures side by side (default: as many as rows, or one more)")  # fmt: skip
+                      help="pictures side by side (default: a square grid, or one column more than rows)")  # fmt: skip
     page.add_argument(
         "--background", type=background, default=DEFAULT.background, metavar=BACKGROUND,
         help=f"of the figure (default {DEFAULT.background}); numbers are scene-linear")  # fmt: skip

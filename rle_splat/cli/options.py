@@ -175,8 +175,8 @@ def add_effect_options(parser) -> None:
     group = parser.add_argument_group("effects")
     group.add_argument(
         "--effect", action="append", default=[], metavar="NAME=on|off|auto",
-        help="force an effect on or off, several times if needed; auto (the default) uses it if the scene needs it; an "
-        "unknown name lists all",
+        help="force an effect on or off, several times if needed; auto (the default) uses it if the scene needs it; "
+        "give an unknown name to list all",
     )  # fmt: skip
 
 
@@ -287,7 +287,8 @@ def add_mode_option(parser) -> None:
     """Add the option of the mode."""
     parser.add_argument(
         "--mode", default=MODES[0], metavar="|".join(MODES),
-        help=f"what a pixel shows of its ray (default {MODES[0]}); {', '.join(MODE_TEXTS.values())}",
+        help=f"what a pixel shows of its ray (default {MODES[0]}); "
+        f"{'; '.join(f'{name}: {text}' for name, text in MODE_TEXTS.items())}",
     )  # fmt: skip
 
 

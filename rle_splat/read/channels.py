@@ -10,13 +10,13 @@ from .formats import format_of, read_steps
 MOST_CHANNELS = 16  # of one file
 
 
-def read_channel(path: str | PathLike, volume: Volume, **options) -> Volume:
+def read_channel(path: str | PathLike | Volume, volume: Volume, **options) -> Volume:
     """Read a second volume, such as the PET of a CT, and bring its values onto the grid of a volume, for ``Channel``.
 
     Parameters
     ----------
-    path : str or Path
-        A file or a folder, as of ``read_volume``.
+    path : str, Path or Volume
+        A file or a folder, as of ``read_volume``, or a volume on another grid.
     volume : Volume
         The scan.
     **options
@@ -33,6 +33,8 @@ def read_channel(path: str | PathLike, volume: Volume, **options) -> Volume:
     RleSplatError
         If the file cannot be read, or lies elsewhere than the volume.
     """
+    if isinstance(path, Volume):
+        return drain(on_grid_steps(path, volume, values=True))
     return drain(read_channel_steps(path, volume, options or None))[0]
 
 

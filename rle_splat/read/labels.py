@@ -25,14 +25,14 @@ NARROW = (np.uint16, np.int16)
 DOING = "reading labels"
 
 
-def read_labels(path: str | PathLike, volume: Volume, frame: int = 1) -> Volume:
+def read_labels(path: str | PathLike | Volume, volume: Volume, frame: int = 1) -> Volume:
     """Read a label map, DICOM SEG, RTSTRUCT or folder of masks, and bring it onto the grid of a volume.
 
     Parameters
     ----------
-    path : str or Path
+    path : str, Path or Volume
         A file of a known format, or a folder of masks. A raw file is read with the shape of the volume, and an
-        RTSTRUCT on its grid.
+        RTSTRUCT on its grid. Or a label map on another grid, such as of ``read_sitk``.
     volume : Volume
         The scan.
     frame : int
@@ -49,11 +49,13 @@ def read_labels(path: str | PathLike, volume: Volume, frame: int = 1) -> Volume:
     RleSplatError
         If the file cannot be read, or lies elsewhere than the volume.
     """
+    if isinstance(path, Volume):
+        return drain(_on_volume_steps(path, volume))
     return drain(read_label_steps(path, volume, frame))
 
 
 def read_label_steps(path, volume: Volume, frame: int = 1):
-    """Generator of Progress: as ``read_labels``."""
+    """Generator of Progress: as ``read_labels``, of a file or folder."""
     path = Path(path)
     kind = format_of(path) if path.is_file() else None
     if kind is not None and kind.read_steps is read_dicom_steps:
@@ -61,9 +63,13 @@ def read_label_steps(path, volume: Volume, frame: int = 1):
     else:
         bare = dict(shape=volume.shape_xyz, spacing=volume.spacing) if kind is RAW else {}
         labels = yield from read_steps(path, **bare, **({"frame": frame} if frame > 1 else {}))
+    labels = yield from _on_volume_steps(labels, volume)
+    return labels if labels.named_labels else replace(labels, named_labels=_names_beside(path))
+
+
+def _on_volume_steps(labels: Volume, volume: Volume):
+    """Generator of Progress: a label map as whole numbers in few bytes, on the grid of a volume."""
     labels = yield from _narrow_steps((yield from _whole_steps(labels)))
-    if not labels.named_labels:
-        labels = replace(labels, named_labels=_names_beside(path))
     return (yield from on_grid_steps(labels, volume))
 
 

@@ -24,6 +24,7 @@ QUALITY = "70"
 DISC, DIGIT = 10.5, 14  # pixels: the radius of a number, the size of its digit
 ARROW = ((0, 0), (0, 17), (4, 13), (7, 20), (10, 19), (7, 12), (12, 12))  # pixels from the mouse, down
 SCANS = Path("/scans")  # of the small system: a path that a reader could have
+bpy.context.preferences.filepaths.temporary_directory = "/tmp"  # a reader's, which the panel Segments shows
 
 
 def fold(*titles: int):

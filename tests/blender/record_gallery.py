@@ -52,6 +52,7 @@ def scenario():
     bpy.context.view_layer.objects.active = stage.volume
     with bpy.context.temp_override(window=window(), area=area_of("PROPERTIES")):
         bpy.ops.screen.area_split(direction="HORIZONTAL", factor=1.0 - OUTLINER)
+    yield  # then the areas know where they are
     upper = max((one for one in window().screen.areas if one.type == "PROPERTIES"), key=lambda one: one.y)
     upper.type = "OUTLINER"
     yield

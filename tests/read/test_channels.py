@@ -57,6 +57,7 @@ def test_a_channel_is_read_onto_the_scan_with_options_of_its_file(tmp_path):
     found = read_channel(tmp_path / "channel.nrrd", SCAN, value_unit="SUVbw")
     np.testing.assert_array_equal(found.voxels, channel.voxels)
     assert found.value_unit == "SUVbw"
+    np.testing.assert_array_equal(read_channel(channel, SCAN).voxels, channel.voxels)
     channel.voxels.tofile(tmp_path / "channel.raw")
     raw = read_channel(tmp_path / "channel.raw", SCAN, shape=SHAPE, dtype="float32", spacing=SCAN.spacing)
     np.testing.assert_array_equal(raw.voxels, channel.voxels)
