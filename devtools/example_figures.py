@@ -137,7 +137,7 @@ def picture_and_depth(folder: Path) -> None:
     center = rs.turntable_aim(volume, matrix)
     eye = center + (90.0, -400.0, 120.0)
     own = rs.Camera(type="PERSP", matrix_world=rs.look_at(eye, center), lens=100.0)
-    sun = rs.Light(type="SUN", energy=2.4, angle=0.3, matrix_world=rs.look_at(center + (-0.15, -1.0, 0.05), center))
+    sun = rs.Light(type="SUN", energy=2.2, angle=0.3, matrix_world=rs.look_at(center + (0.1, -1.0, 0.6), center))
     cut = rs.Clip(kind="plane", matrix_world=rs.look_at(center, center + (0.0, 1.0, 0.0)))
     lit = replace(
         scene,
@@ -220,6 +220,13 @@ def slices(series: Path) -> Image.Image:
     sheet = np.vstack([np.hstack([one.pixel_array for one in some[n : n + 4]]) for n in range(0, 12, 4)])
     values = sheet * float(files[0].RescaleSlope) + float(files[0].RescaleIntercept)
     return Image.fromarray(np.uint8(np.clip((values + 1000.0) * (255.0 / 2000.0), 0.0, 255.0)))
+
+
+def crops() -> None:
+    """readme-live.jpg and readme-slice.jpg: the views alone of two photographs of windows."""
+    images = ROOT / "docs" / "images"
+    for name, (source, part) in CROPS.items():
+        save_jpeg(Image.open(images / f"{source}.jpg").crop(part).resize((700, 525)), images / f"{name}.jpg", MOST_BYTES)
 
 
 def turn(folder: Path) -> None:

@@ -16,6 +16,7 @@ from .refusal import refuse
 from .through_camera import has_volume_and_camera
 
 SIZE, LONGEST, MARGIN = 0.036, 0.25, 0.04  # of a letter, of the bar and of the space beside it, shares of the picture
+HALF = 0.4  # of a letter's width beside a second one, in its size
 NEAREST = 0.2  # depth of a corner, as a share of the middle's, that is seen at most
 
 
@@ -51,10 +52,7 @@ def _letters(owner, scene, frame):
     They stand beside what is visible, as the camera sees it, so that the volume does not hide them: at the depth of its
     middle, and not outside the picture where that can be.
     """
-    corners = visible_corners(owner, scene)
-    placed = [(letter, frame.inverted() @ Vector(place.tolist()))
-              for letter, place in letters.placed_letters(owner, corners)]  # fmt: skip
-    corners = np.array([frame.inverted() @ Vector(corner) for corner in corners.tolist()])
+    corners = np.array([frame.inverted() @ Vector(corner) for corner in visible_corners(owner, scene).tolist()])
     middle, (high, _, low, _) = Vector(corners.mean(axis=0)), scene.camera.data.view_frame(scene=scene)
     away = 1.0 if scene.camera.data.type == "ORTHO" else middle.z / low.z
     size = SIZE * (high.y - low.y) * away
@@ -62,19 +60,15 @@ def _letters(owner, scene, frame):
         corners *= middle.z / np.minimum(corners[:, 2:], NEAREST * middle.z)  # as seen at the middle's depth
     if middle.z > 0.0:  # behind the camera
         return
-    turn, sight = frame.to_3x3().to_4x4() @ Matrix.Scale(size, 4), middle.normalized()
-    if scene.camera.data.type == "ORTHO":
-        sight = Vector((0.0, 0.0, -1.0))
-    pairs = list(zip(placed[::2], placed[1::2]))
-    axes = [(second - first).normalized() for (_, first), (_, second) in pairs]
-    axes = [(axis.dot(sight), axis.to_2d().normalized()) for axis in axes]
-    for n, across, reach in letters.letters_beside(corners[:, :2], np.array(middle[:2]), axes):
-        for (letter, _), toward in zip(pairs[n], (-across, across)):
-            ends = [((high if way > 0.0 else low)[n] * away - middle[n] - math.copysign(size, way)) / way
-                    for n, way in enumerate(toward) if way]  # fmt: skip
-            room = min(ends)  # to the picture's edge
-            place = frame @ (middle + (min(reach + size, room) if room > 0.0 else reach + size) * toward.to_3d())
-            yield letter, new_text(letter), owner, Matrix.Translation(place) @ turn
+    turn = frame.to_3x3().to_4x4() @ Matrix.Scale(size, 4)
+    view = np.array(frame.to_3x3()).T[:2]
+    for text, toward, reach in letters.letters_beside(owner, view, corners[:, :2], middle[:2]):
+        across = size * (1.0 + HALF * (len(text) - 1) * abs(toward.x))
+        ends = [((high if way > 0.0 else low)[n] * away - middle[n] - math.copysign(across, way)) / way
+                for n, way in enumerate(toward) if way]  # fmt: skip
+        room = min(ends)  # to the picture's edge
+        place = frame @ (middle + (min(reach + across, room) if room > 0.0 else reach + across) * toward.to_3d())
+        yield text, new_text(text), owner, Matrix.Translation(place) @ turn
 
 
 def _bar(owner, scene, frame, depths):

@@ -1,7 +1,8 @@
-"""Text over the viewport: the patient's sides at the faces of a volume's box, and why a volume is not shown.
+"""Text over the viewport: the patient's sides beside a volume, and why a volume is not shown.
 
 R and L, A and P, I and S stand where the patient's right, left, front, back, feet and head are, for volumes whose file
-says where that is.  Views of slices also have a line with the place of the slice.
+says where that is; two of them where a side of the picture is between two of the patient's.  Views of slices also have
+a line with the place of the slice.
 """
 
 import textwrap
@@ -12,7 +13,7 @@ import numpy as np
 from bpy_extras.view3d_utils import location_3d_to_region_2d
 from mathutils import Vector
 
-from ...rle_splat.volume.orientation import face_letters
+from ...rle_splat.volume.orientation import letters_of
 from ...rle_splat.volume.volume import PATIENT
 from .. import live
 from ..scene import placements
@@ -23,68 +24,44 @@ from . import drawing, slice_places
 
 LETTERS = frozenset("RLAPIS")
 SIZE = 15  # points; scaled with Blender's interface
-ALONG = 0.75  # cosine with the view above which letters lie in front of the volume and behind it
-ALIKE = 0.7  # cosine in the picture above which of two axes only the one more across the view has letters
+SIDES = ((-1.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.0, -1.0))  # left, right, top and bottom of a picture
 ASLANT = 1e-6  # of the most that a line faces a direction: lines along it, which no letter passes
-APART = 0.04  # distance from the face, as a fraction of the box's length along that axis
 FONT = 0  # Blender's own
 
 
-def placed_letters(volume_object, part=None) -> list:
-    """The letters of a volume and their places.
+def letters_beside(volume_object, view, corners, middle) -> list:
+    """The letters around a volume in a picture, as figures have them; none where its file does not say the sides.
 
     Parameters
     ----------
-    part : (8, 3) ndarray of float64, optional
-        The corners of the box in world space, in the order of ``box.CORNERS``; left out, those of the volume.
+    view : (2, 3) array_like
+        Unit vectors to the right and up of the picture, in world space.
+    corners : (n, 2) array_like
+        Where the picture shows the corners of a box around what the letters stand beside.
+    middle : (2,) array_like
+        Where it shows the box's middle.
 
     Returns
     -------
-    list of (str, ndarray of shape (3,))
-        One letter for each face of the box, and a point in world space just outside the face. Empty for a volume that
-        is not in patient space.
+    list of (str, Vector, float)
+        One or two letters, the direction from the middle to them in the picture, and how far the box's outline, or its
+        point reflection, reaches there.
     """
-    corners = box.world_corners(volume_object) if part is None else part
-    if volume_object.rle_splat.space != PATIENT or len(corners) == 0:
+    if volume_object.rle_splat.space != PATIENT:
         return []
-    axes = np.stack([corners[index] - corners[0] for index in (1, 2, 4)], axis=1)  # in the order of box.CORNERS
-    own = np.eye(4)
-    own[:3, :3] = np.linalg.pinv(np.array(volume_object.matrix_world)[:3, :3]) @ axes
-    middle = corners.mean(axis=0)
-    return [
-        (letter, middle + side * axes[:, axis])
-        for axis, letters in enumerate(face_letters(own))
-        for letter, side in zip(letters, (-0.5 - APART, 0.5 + APART))
-    ]
-
-
-def letters_beside(corners: np.ndarray, middle: np.ndarray, axes: list) -> list:
-    """The axes that have letters in a picture, which stand beside the volume: over it, they would name a part of it.
-
-    Letters along whose axis the view looks are left out: A would lie on what is seen from the front.
-
-    Parameters
-    ----------
-    corners : (n, 2) ndarray of float64
-        Where the picture shows the corners of the volume's box.
-    middle : (2,) ndarray of float64
-    axes : list of (float, Vector)
-        Of each axis the cosine with the view, and its direction in the picture.
-
-    Returns
-    -------
-    list of (int, Vector, float)
-        The axis, its direction, and how far the outline of the box is from its middle to that side and to the other.
-    """
-    found, corners = [], corners - middle
+    corners = np.asarray(corners) - np.asarray(middle)
     # Of the lines through two corners, moved outward until all corners are behind them, the nearest are the outline.
-    sides = (corners[:, None] - corners).reshape(-1, 2)[:, ::-1] * (1.0, -1.0)  # normals of the lines
-    reach = np.abs(corners @ sides.T).max(axis=0)
-    for n, (along, across) in sorted(enumerate(axes), key=lambda one: abs(one[1][0])):
-        if abs(along) <= ALONG and all(abs(across.dot(other)) <= ALIKE for _, other, _ in found):
-            facing = np.abs(sides @ np.array(across))
-            ahead = facing > ASLANT * facing.max()
-            found.append((n, across, float((reach[ahead] / facing[ahead]).min())))
+    across = (corners[:, None] - corners).reshape(-1, 2)[:, ::-1] * (1.0, -1.0)
+    reach = np.abs(corners @ across.T).max(axis=0)
+    own = np.linalg.pinv(np.array(volume_object.matrix_world)[:3, :3]) @ np.asarray(view).T
+    found = []
+    for side in np.array(SIDES):
+        facing = np.abs(across @ side)
+        ahead = facing > ASLANT * facing.max()
+        sight = own @ side
+        found.append(
+            (letters_of(sight / np.linalg.norm(sight)), Vector(side), float(min(reach[ahead] / facing[ahead])))
+        )
     return found
 
 
@@ -165,21 +142,12 @@ def _on_screen(owner, context) -> list:
     seen = [location_3d_to_region_2d(context.region, view, Vector(corner)) for corner in corners.tolist()]
     if None in seen or not seen:
         return []
-    seen, middle = np.array(seen), Vector(corners.mean(axis=0).tolist())
-    center = location_3d_to_region_2d(context.region, view, middle)
+    center = location_3d_to_region_2d(context.region, view, Vector(corners.mean(axis=0).tolist()))
     if not (0.0 < center.x < context.region.width and 0.0 < center.y < context.region.height):
         return []
-    sight = (view.view_matrix @ middle).normalized() if view.is_perspective else Vector((0.0, 0.0, -1.0))
-    placed = placed_letters(owner)
-    pairs, axes = list(zip(placed[::2], placed[1::2])), []
-    for (_, first), (_, second) in pairs:
-        axis = (view.view_matrix.to_3x3() @ Vector((second - first).tolist())).normalized()
-        axes.append((axis.dot(sight), axis.to_2d().normalized()))
-    found, space = [], SIZE * context.preferences.system.ui_scale
-    for n, across, reach in letters_beside(seen, np.array(center), axes):
-        for (letter, _), toward in zip(pairs[n], (-across, across)):
-            found.append((letter, center + toward * (reach + space), toward.x))
-    return found
+    space = SIZE * context.preferences.system.ui_scale
+    placed = letters_beside(owner, np.array(view.view_matrix)[:2, :3], seen, center)
+    return [(text, center + toward * (reach + space), toward.x) for text, toward, reach in placed]
 
 
 HANDLERS = drawing.Handlers((_draw, "POST_PIXEL"))

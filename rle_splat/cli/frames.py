@@ -31,7 +31,8 @@ def add_frames_option(parser) -> None:
     )
     group.add_argument(
         "--like", type=int, metavar="N",
-        help="the frame whose transfer function and view all frames of a time series have (default: the first of --frames)",
+        help="the frame whose transfer function and view all frames of a time series have (default: the first of "
+        "--frames)",
     )  # fmt: skip
     group.add_argument("--again", action="store_true", help="make all frames, also those that are there already")
 

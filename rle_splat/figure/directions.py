@@ -4,12 +4,11 @@ import numpy as np
 
 from ..scene import Scene
 from ..view.projection import world_to_camera
-from ..volume.orientation import LETTERS
+from ..volume.orientation import LETTERS, letters_of
 from ..volume.volume import PATIENT
 from .page import Fill, Stroke, Text
 
 NO_BREAK = "\u00a0"  # a space at which no line ends
-SECOND = np.sin(np.radians(22.5))  # share of a direction from which a side has a letter beside the first
 SAME_VIEW = np.cos(np.radians(1.0))  # views that differ by less have the same name
 VIEWS = {
     "A": "Anterior view", "P": "Posterior view", "L": "Left lateral view", "R": "Right lateral view",
@@ -32,13 +31,6 @@ def patient_axes(scene: Scene) -> np.ndarray:
     ways = world_to_camera(scene.camera)[:3, :3]
     own = np.linalg.solve(scene.volume_matrix[:3, :3], ways.T).T
     return own / np.linalg.norm(own, axis=1, keepdims=True)
-
-
-def letters_of(direction) -> str:
-    """Letters of the sides to which a direction in LPS points, the nearest first, at most two."""
-    order = np.argsort(-np.abs(direction), kind="stable")
-    named = [axis for place, axis in enumerate(order[:2]) if place == 0 or abs(direction[axis]) > SECOND]
-    return "".join(LETTERS[axis][int(direction[axis] > 0.0)] for axis in named)
 
 
 def edge_letters(scene: Scene) -> dict[str, str]:

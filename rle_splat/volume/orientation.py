@@ -9,6 +9,7 @@ from itertools import permutations
 import numpy as np
 
 LETTERS = ("RL", "AP", "IS")  # of the two ends of the axes of LPS, the low end first
+SECOND = np.sin(np.radians(22.5))  # share of a direction from which a side has a letter beside the first
 LEAST_OBLIQUE = 0.05  # degrees; less is not worth a word
 LPS_FROM_RAS = np.diag((-1.0, -1.0, 1.0, 1.0))
 
@@ -49,10 +50,11 @@ def axis_letters(affine) -> tuple[str, str, str]:
     return tuple(LETTERS[axis][sign > 0] for axis, sign in nearest_axes(affine))
 
 
-def face_letters(affine) -> tuple[tuple[str, str], ...]:
-    """Letters of the box's faces, (first, last) along each voxel axis, such as (("R", "L"), ...); for LPS."""
-    ends = (LETTERS[axis] if sign > 0 else LETTERS[axis][::-1] for axis, sign in nearest_axes(affine))
-    return tuple((first, last) for first, last in ends)
+def letters_of(direction) -> str:
+    """Letters of the sides to which a unit vector in LPS points, the nearest first, at most two."""
+    order = np.argsort(-np.abs(direction), kind="stable")
+    named = [axis for place, axis in enumerate(order[:2]) if place == 0 or abs(direction[axis]) > SECOND]
+    return "".join(LETTERS[axis][int(direction[axis] > 0.0)] for axis in named)
 
 
 def oblique_degrees(affine) -> float:

@@ -14,6 +14,9 @@ from tests.blender import formats, scenes
 AFFINE = np.array([(-2.0, 0.3, 0, 30), (0, 1.5, 0.4, -20), (0, 0, 3.0, 100), (0, 0, 0, 1)])  # to LPS, sheared
 
 
+SIDES = {"L": (1, 0, 0), "R": (-1, 0, 0), "P": (0, 1, 0), "A": (0, -1, 0), "S": (0, 0, 1), "I": (0, 0, -1)}  # in LPS
+
+
 @pytest.fixture
 def nibabel(addon):
     """nibabel from the extension's wheels, which are there when the extension is."""
@@ -52,18 +55,21 @@ def test_a_nifti_lies_in_the_world_as_the_patient_does(nifti, values, bridge):
     np.testing.assert_allclose(first, AFFINE[:3, 3] * 0.001, rtol=1e-6)  # millimeters in a world of meters
 
 
-def test_letters_stand_at_the_faces(nifti, bridge):
+@pytest.mark.parametrize(
+    ("degrees", "across"), [(0, ("R", "L")), (90, ("A", "P")), (35, ("RA", "LP")), (-110, ("P", "A"))]
+)
+def test_letters_name_the_sides_of_the_view(nifti, bridge, degrees, across):
+    """A camera turned about the patient's length; the volume lies elsewhere, and its box is 4 by 2 in the picture."""
     bpy.ops.rle_splat.import_volume(filepath=str(nifti))
     owner = active()
     owner.location = (1.0, 2.0, 3.0)
     bpy.context.view_layer.update()
-    places = dict(bridge("live.letters").placed_letters(owner))
-    assert set(places) == set("RLAPIS")
-    middle = sum(places.values()) / 6
-    np.testing.assert_allclose(middle, (1, 2, 3) + 0.001 * (AFFINE @ (2.5, 3.0, 3.5, 1))[:3], atol=1e-6)
-    for letter, axis, sign in (("R", 0, -1), ("L", 0, 1), ("A", 1, -1), ("P", 1, 1), ("I", 2, -1), ("S", 2, 1)):
-        away = places[letter] - middle
-        assert np.abs(away).argmax() == axis and np.sign(away[axis]) == sign
+    turn = math.radians(degrees)
+    view = (math.cos(turn), math.sin(turn), 0.0), (0.0, 0.0, 1.0)
+    corners = [(5 + x, 7 + y) for x in (-2, 2) for y in (-1, 1)] * 2
+    found = bridge("live.letters").letters_beside(owner, view, corners, (5, 7))
+    assert [text for text, _, _ in found] == [*across, "S", "I"]
+    np.testing.assert_allclose([toward * reach for _, toward, reach in found], [(-2, 0), (2, 0), (0, 1), (0, -1)])
 
 
 @pytest.mark.parametrize("kind", ["PERSP", "ORTHO"])
@@ -118,7 +124,7 @@ def test_letters_of_a_render_stand_around_what_is_visible(nifti, values, bridge)
 
 
 @pytest.mark.parametrize("kind", ["PERSP", "ORTHO"])
-@pytest.mark.parametrize(("turn", "expected"), [(30.0, "RLSI"), (-60.0, "APSI"), (110.0, "APSI")])
+@pytest.mark.parametrize(("turn", "expected"), [(30.0, "LP RA S I"), (-60.0, "AL PR S I"), (110.0, "P A S I")])
 def test_letters_of_a_render_stand_beside_a_volume_that_is_seen_aslant(nifti, bridge, kind, turn, expected):
     bpy.ops.rle_splat.import_volume(filepath=str(nifti))
     owner, scene = active(), bpy.context.scene
@@ -133,8 +139,8 @@ def test_letters_of_a_render_stand_beside_a_volume_that_is_seen_aslant(nifti, br
     def seen(point) -> np.ndarray:
         return np.array(world_to_camera_view(scene, scene.camera, Vector(point))[:2])
 
-    made = {one.name: seen(one.matrix_world.translation) for one in scene.objects if len(one.name) == 1}
-    assert set(made) == set(expected)
+    made = {one.name: seen(one.matrix_world.translation) for one in scene.objects if set(one.name) <= set(SIDES)}
+    assert set(made) == set(expected.split())
     box = np.array([seen(corner) for corner in corners])
     outline = box[convex_hull_2d([Vector(corner) for corner in box])]  # counterclockwise
     sides = np.roll(outline, -1, axis=0) - outline
@@ -142,18 +148,20 @@ def test_letters_of_a_render_stand_beside_a_volume_that_is_seen_aslant(nifti, br
     for letter, point in made.items():
         away = point - seen(corners.mean(axis=0))
         assert ((point - outline) * outward).sum(axis=1).max() > 0.01, f"{letter} lies over the volume"
-        true = seen(dict(bridge("live.letters").placed_letters(owner))[letter]) - seen(corners.mean(axis=0))
-        assert true @ away > 0.0, f"{letter} is on the wrong side"
+        for side in letter:
+            true = seen(corners.mean(axis=0) + 0.001 * np.array(SIDES[side])) - seen(corners.mean(axis=0))
+            assert true @ away > 0.0, f"{letter} is on the wrong side"
     scene.camera.data.lens *= 8.0
     scene.camera.data.ortho_scale /= 8.0  # the picture ends before the volume does
     assert bpy.ops.rle_splat.add_letters() == {"FINISHED"}
     bpy.context.view_layer.update()
-    close = [seen(one.matrix_world.translation) for one in scene.objects if len(one.name) == 1]
+    close = [seen(one.matrix_world.translation) for one in scene.objects if set(one.name) <= set(SIDES)]
     assert len(close) == 4 and np.all(np.abs(np.array(close) - 0.5) < 0.5) and np.ptp(close, axis=0).min() > 0.6
 
 
 def test_a_volume_without_a_place_has_no_letters(volume_object, bridge):
-    assert bridge("live.letters").placed_letters(volume_object) == []
+    corners = [(0, 0), (1, 0), (0, 1), (1, 1)]
+    assert bridge("live.letters").letters_beside(volume_object, np.eye(2, 3), corners, (0.5, 0.5)) == []
 
 
 def test_the_view_of_a_slice_names_its_place_in_the_patient(nifti, bridge):
