@@ -1,18 +1,19 @@
-"""The film of the guide "Animate", by its steps in a real window: a plane opens a skull while the camera turns.
+"""The film of the tutorial "From a scan to a graded film", by its steps in a real window: a plane opens a skull.
 
     python3 dev.py blender --photograph tests/blender/record_film.py --size 1280x800
 
-writes its frames into build/window-shots/record_film, of which devtools/example_figures.py makes how-to-opening.webp,
-and prints the seconds of a frame.  The scan is that of the tutorial, in tests/blender/data/scan.  The frames from 60 to
-120 are those of the way there, so they are not rendered.
+writes into build/window-shots/record_film its frames, of which devtools/example_figures.py makes how-to-opening.webp,
+and film-graded.jpg, a frame before and after the last step, and prints the seconds of a frame.  The scan is that of the
+tutorial, in tests/blender/data/scan.  The frames from 60 to 120 are those of the way there, so they are not rendered.
 """
 
 import os
+import subprocess
 import time
 
 import bpy
 
-from tests.blender.guide_steps import activate, imported
+from tests.blender.guide_steps import activate, beside, imported
 from tests.blender.user_steps import settled
 from tests.blender.window_driver import SHOTS, drive, in_the_view, passed
 
@@ -22,6 +23,8 @@ FRONT, BACK = -0.11, 0.005  # meters from the middle
 SHIFT, GROW, OPAQUE, SMOOTH = -100.0, 2.0, 0.05, 2.0  # HU, mm, mm, mm: thin walls are whole and opaque
 LEVEL, WINDOW = 400.0, 1200.0  # HU
 DARK = (0.012, 0.016, 0.024)  # of the world
+GRADED, EXPOSURE = 45, 0.6  # the frame of the picture, which is one of the film's
+LIFT, GAIN = (0.98, 1.0, 1.05, 1.0), (1.1, 1.0, 0.88, 1.0)  # bluish shadows, warm lights
 SAMPLES = 8  # of Cycles, which renders the faces of the cut and the world alone
 
 
@@ -39,7 +42,7 @@ def skull():
 
 
 def turn_and_cut(scene, volume):
-    """Steps 2 to 6 of the guide."""
+    """Steps 2 and 3 of the tutorial."""
     with in_the_view():
         assert bpy.ops.rle_splat.turntable(
             filepath=os.path.join(os.environ[SHOTS], "turn"), frames=TURN, angle=ANGLE, azimuth=START, render=False
@@ -67,6 +70,41 @@ def turn_and_cut(scene, volume):
     yield from settled()
 
 
+def grade(scene):
+    """Steps 5 and 6 of the tutorial, of one frame."""
+    folder = os.environ[SHOTS]
+    exr = scene.render.filepath = os.path.join(folder, "graded.exr")
+    scene.frame_set(GRADED)
+    scene.render.image_settings.media_type = "MULTI_LAYER_IMAGE"
+    with in_the_view():
+        assert bpy.ops.render.render(write_still=True) == {"FINISHED"}
+    made = bpy.data.scenes.new("Grade")
+    tree = made.compositing_node_group = bpy.data.node_groups.new("Grade", "CompositorNodeTree")
+    tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+    image, exposure, balance = (
+        tree.nodes.new(f"CompositorNode{kind}") for kind in ("Image", "Exposure", "ColorBalance")
+    )
+    image.image, image.layer = bpy.data.images.load(exr), "Composite"
+    exposure.inputs["Exposure"].default_value = EXPOSURE
+    for name, color in (("Lift", LIFT), ("Gain", GAIN)):
+        next(one for one in balance.inputs if one.name == name and one.type == "RGBA").default_value = color
+    tree.links.new(image.outputs["Combined"], exposure.inputs["Image"])
+    tree.links.new(exposure.outputs["Image"], balance.inputs["Image"])
+    tree.links.new(balance.outputs["Image"], tree.nodes.new("NodeGroupOutput").inputs["Image"])
+    render, view = made.render, made.view_settings
+    made.camera, render.engine, render.resolution_x, render.resolution_y = scene.camera, "BLENDER_WORKBENCH", 960, 720
+    view.view_transform, view.look = "AgX", "AgX - High Contrast"
+    render.image_settings.media_type, render.image_settings.file_format = "IMAGE", "JPEG"
+    render.filepath = os.path.join(folder, "graded.jpg")
+    with bpy.context.temp_override(scene=made):
+        assert bpy.ops.render.render(write_still=True, scene=made.name) == {"FINISHED"}
+    plain = os.path.join(folder, f"frame-{GRADED:04}")
+    subprocess.run(["convert", f"{plain}.png", f"{plain}.jpg"], check=True)
+    beside(
+        "film-graded", {"As rendered, Standard": os.path.basename(plain), "Graded, AgX with high contrast": "graded"}
+    )
+
+
 def scenario():
     volume = yield from skull()
     scene, render = bpy.context.scene, bpy.context.scene.render
@@ -88,6 +126,7 @@ def scenario():
         yield
     assert not scene.rle_splat.render_problem, scene.rle_splat.render_problem
     print(f"{(time.perf_counter() - began) / len(range(1, TURN + 1, STEP)):.1f} s a frame")
+    grade(scene)
     passed("film")
 
 
