@@ -41,6 +41,10 @@ FIRST = "--fit", "0.9", "--quality", "fine"
 TURNED = "--azimuth", "35", "--elevation", "20"
 LIT = "--shadows", "--world", "0.15", "0.15", "0.18", "--ambient-occlusion", "1", "--lights"
 CLOSE = ("--azimuth", "30", "--elevation", "20", "--fit", "0.42", "--size", "400")
+CROPS = {  # of the README: photographs of windows, and the part of each
+    "readme-live": ("how-to-live", (240, 85, 900, 580)),
+    "readme-slice": ("how-to-window", (228, 47, 748, 437)),
+}
 STEPS = (  # of the strip, after the slices: captions, pictures of the documentation, and the part of each
     ("Bone", "tutorial-3-preset", (230, 310, 790, 730)),
     ("Cut open", "tutorial-7-rendered", (240, 167, 1036, 764)),
@@ -208,6 +212,7 @@ def from_parts(folder: Path) -> None:
     turn(folder)
     effects(folder)
     strip(folder)
+    crops()
     opening(folder)
 
 
@@ -226,7 +231,8 @@ def crops() -> None:
     """readme-live.jpg and readme-slice.jpg: the views alone of two photographs of windows."""
     images = ROOT / "docs" / "images"
     for name, (source, part) in CROPS.items():
-        save_jpeg(Image.open(images / f"{source}.jpg").crop(part).resize((700, 525)), images / f"{name}.jpg", MOST_BYTES)
+        shown = Image.open(images / f"{source}.jpg").crop(part).resize((700, 525))
+        save_jpeg(shown, images / f"{name}.jpg", MOST_BYTES)
 
 
 def turn(folder: Path) -> None:
