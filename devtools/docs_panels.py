@@ -94,7 +94,11 @@ def _texts(path: Path, node, local: dict) -> list[str]:
         return list(chain.from_iterable(_texts(path, one, local) for one in local[node.id]))
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "title":
         return [text.title() for text in _texts(path, node.func.value, local)]
-    if isinstance(node, ast.Call) and getattr(node.func, "id", "") in ("with_unit", "filled") and node.args:
+    if (
+        isinstance(node, ast.Call)
+        and getattr(node.func, "id", "") in ("with_unit", "with_ellipsis", "filled")
+        and node.args
+    ):
         return [re.sub(r"\{\w+\}", A_NAME, text) for text in _texts(path, node.args[0], local)]
     if isinstance(node, ast.JoinedStr):
         parts = [_texts(path, getattr(part, "value", part), local) if isinstance(part, ast.FormattedValue)

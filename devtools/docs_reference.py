@@ -40,7 +40,7 @@ PLACES = {  # (bl_space_type, bl_category or bl_context) -> where a user finds a
     ("PROPERTIES", "data"): "Properties > Object Data",
 }
 OWN = "Positional arguments", "Options"  # groups of argparse that each command lists itself
-LONG_LIST = 13  # choices; of more, only the names are listed
+LONG_LIST = 12, 13  # choices, in panels and for scripts; of more, only the names are listed
 IN_LINES = 2  # choices; of more, each has a line of its own
 LINE = "<br>"  # between choices that have lines of their own
 IMAGES = ROOT / "docs" / "images"
@@ -281,9 +281,9 @@ def _of_kind(prefix: str) -> list[Declared]:
 def _meaning(entry: dict, script: bool = False) -> str:
     """A property's tooltip, and its choices as a panel draws them, for scripts after their identifiers.
 
-    Of a long list only the names: presets have a page of their own.
+    Of a long list only the names: presets have a page of their own, and the layers are explained for scripts.
     """
-    is_long = len(entry["choices"]) > LONG_LIST
+    is_long = len(entry["choices"]) > LONG_LIST[script]
     separator = ", " if is_long else LINE if len(entry["choices"]) > IN_LINES else "; "
     choices = separator.join(
         " ".join([f"`{name}`"] * script + [f"*{label}*"] * (not (is_long and script)))

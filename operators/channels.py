@@ -1,4 +1,4 @@
-"""Add File, Add Selected Volumes and Remove Channel: volumes that are added to the picture of the active one."""
+"""Add Channel from File, Add Selected Volumes and Remove Channel: volumes shown in the picture of the active one."""
 
 import os
 
@@ -62,7 +62,7 @@ class RLE_SPLAT_OT_import_channel(ImportsVolumes, bpy.types.Operator, ImportHelp
     a dose on a CT"""
 
     bl_idname = "rle_splat.import_channel"
-    bl_label = "Add File"
+    bl_label = "Add Channel from File"
     bl_options = {"UNDO"}
 
     filter_glob: StringProperty(default=";".join("*" + suffix for suffix in LAST_SUFFIXES), options={"HIDDEN"})

@@ -1,7 +1,8 @@
 """Drag Window and Level: in a 3D viewport the mouse changes the range of values, as in viewers of scans."""
 
 import bpy
-from bpy.props import FloatProperty
+from bpy.app.translations import pgettext_iface
+from bpy.props import BoolProperty, FloatProperty
 
 from ..bridge import linked
 from ..bridge.held import Held
@@ -25,12 +26,15 @@ class RLE_SPLAT_OT_drag_window(bpy.types.Operator):
 
     center: FloatProperty(name="Level", description="Value at the center of the range", translation_context=OURS)
     width: FloatProperty(name="Window", description="Width of the range of values", default=1.0, min=1e-6)
+    of_slices: BoolProperty(
+        name="Of Slices", description="Set the range that the volume's slices show from black to white", default=False
+    )
 
     def execute(self, context):
         problem = why_no_editable_transfer(context)
         if problem:
             return refuse(self, f"{problem}.")
-        transfer.move_window(volumes.volume_object(context), self.center, self.width)
+        self._move(volumes.volume_object(context), self.center, self.width)
         return {"FINISHED"}
 
     def invoke(self, context, event):
@@ -46,18 +50,15 @@ class RLE_SPLAT_OT_drag_window(bpy.types.Operator):
         if owner is None or (one is not None and linked.why_not_editable(owner)):
             return {"CANCELLED"}
         properties = owner.rle_splat
-        self._of_slices = one is not None
-        self.center, self.width = self._before = (
-            slice_window.own(properties) if self._of_slices else (properties.window_center, properties.window_width)
-        )
+        self.of_slices = one is not None
+        self.center, self.width = self._before = slice_window.level_and_window(properties, self.of_slices)
         self._owner, self._mouse = Held(owner), (event.mouse_x, event.mouse_y)
         self._drag = WindowDrag(
             *self._before, properties.value_low, properties.value_high, context.preferences.system.ui_scale
         )
-        self._unit = properties.value_unit
         context.window.cursor_modal_set("SCROLL_XY")
         context.window_manager.modal_handler_add(self)
-        self._tell(context)
+        self._tell(context, properties)
         return {"RUNNING_MODAL"}
 
     def modal(self, context, event):
@@ -71,7 +72,7 @@ class RLE_SPLAT_OT_drag_window(bpy.types.Operator):
             if right or up:
                 self.center, self.width = self._drag.move(right, up, event.shift)
                 self._move(owner, self.center, self.width)
-                self._tell(context)
+                self._tell(context, owner.rle_splat)
         elif event.type == "LEFTMOUSE" and event.value == "RELEASE":
             self._tell_no_more(context)
             moved = (self.center, self.width) != self._before
@@ -86,15 +87,20 @@ class RLE_SPLAT_OT_drag_window(bpy.types.Operator):
         self._tell_no_more(context)
 
     def _move(self, owner, center: float, width: float) -> None:
-        if self._of_slices:
+        if self.of_slices:
             slice_window.move(owner.rle_splat, center, width)
         else:
             transfer.move_window(owner, center, width)
 
-    def _tell(self, context) -> None:
+    def _tell(self, context, properties) -> None:
         span = 0.0, self._drag.rate * 1000.0
-        level, window = (value_text(value, *span, self._unit) for value in (self.center, self.width))
-        context.area.header_text_set(f"Level {level}    Window {window}")
+        labels = [properties.bl_rna.properties[name].name for name in slice_window.names(properties, self.of_slices)]
+        context.area.header_text_set(
+            ", ".join(
+                f"{pgettext_iface(label, OURS)} {value_text(value, *span, properties.value_unit)}"
+                for label, value in zip(labels, (self.center, self.width))
+            )
+        )
         context.workspace.status_text_set(KEYS)
         context.area.tag_redraw()
 

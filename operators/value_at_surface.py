@@ -36,7 +36,8 @@ class RLE_SPLAT_OT_value_at_surface(bpy.types.Operator):
         if context.region is None or context.region_data is None:
             return self.execute(context)
         mouse = event.mouse_region_x, event.mouse_region_y
-        probe.hover(context, slice_places.line_under(context, mouse) or probe.line_under(context, mouse))
+        one = slice_places.under(context, mouse)
+        probe.hover(context, slice_places.line_on(one, context, mouse) or probe.line_under(context, mouse), one)
         if probe.is_watched(context.area):
             return {"PASS_THROUGH"}
         probe.watch(context.area)

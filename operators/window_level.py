@@ -56,9 +56,7 @@ class RLE_SPLAT_OT_window_level(bpy.types.Operator):
     def invoke(self, context, _event):
         properties = volumes.volume_object(context).rle_splat
         if not self.properties.is_property_set("center"):
-            self.center, self.width = (
-                slice_window.own(properties) if self.of_slices else (properties.window_center, properties.window_width)
-            )
+            self.center, self.width = slice_window.level_and_window(properties, self.of_slices)
         return self.execute(context)
 
     def execute(self, context):

@@ -16,6 +16,7 @@ class AccuracyPanel:
 
     bl_label = "Accuracy"
     bl_options = {"DEFAULT_CLOSED"}
+    bl_order = 1  # after what is known without measuring
 
     def draw(self, context):
         layout, settings = self.layout, context.scene.rle_splat

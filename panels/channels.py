@@ -4,6 +4,7 @@ import bpy
 
 from ..bridge.data.playback import FIXED
 from ..bridge.presence import is_deleted
+from ..bridge.translations import with_ellipsis
 from ..bridge.volumes import volumes
 from .places import OfVolume, paragraph
 
@@ -26,7 +27,8 @@ class RLE_SPLAT_PT_channels(OfVolume, bpy.types.Panel):
             if deleted:
                 sentence = f"The volume {channel.source.name} was deleted; remove this channel."
                 paragraph(context, layout, sentence, icon="ERROR")
-        layout.operator("rle_splat.import_channel", icon="FILE_FOLDER").of_file = False
+        text = with_ellipsis("Add Channel from File")
+        layout.operator("rle_splat.import_channel", text=text, icon="FILE_FOLDER").of_file = False
         if properties.frame_count > 1 and properties.playback == FIXED:
             layout.operator("rle_splat.import_channel", text="Add Channels of the File", icon="COLOR").of_file = True
         layout.operator("rle_splat.add_channels", icon="ADD")

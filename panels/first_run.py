@@ -1,5 +1,6 @@
 """What the tab shows before the first volume: three steps with their buttons, and whether the first picture waits."""
 
+from ..bridge.translations import with_ellipsis
 from ..rle_splat.runtime.jit import nothing_compiled_yet
 from .places import paragraph
 
@@ -7,8 +8,8 @@ from .places import paragraph
 def draw(context, layout) -> None:
     """Draw the hint."""
     step = _step(context, layout, "1. Import a volume, or drop its file into the view")
-    step.operator("rle_splat.import_volume", text="Import Volume…", icon="IMPORT")
-    step.operator("rle_splat.import_dicom_series", text="Import DICOM Series…", icon="FILE_FOLDER")
+    step.operator("rle_splat.import_volume", text=with_ellipsis("Import Volume"), icon="IMPORT")
+    step.operator("rle_splat.import_dicom_series", text=with_ellipsis("Import DICOM Series"), icon="FILE_FOLDER")
     step = _step(context, layout, "2. Choose a preset, then turn the view")
     row = step.row()
     row.enabled = False  # as the buttons are, until there is a volume

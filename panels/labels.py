@@ -3,8 +3,9 @@
 import bpy
 
 from ..bridge.look import preset_entries
+from ..bridge.translations import with_ellipsis
 from ..bridge.volumes import encoded, labels, volumes
-from ..operators.change_segment import TOOLS
+from ..operators.change_segment import OF_LENGTH, TOOLS
 from ..rle_splat.segment.label_map import BACKGROUND
 from .places import OfVolume, paragraph
 
@@ -43,12 +44,15 @@ class RLE_SPLAT_MT_segments(bpy.types.Menu):
         layout.operator_context = "INVOKE_DEFAULT"
         layout.operator("rle_splat.hide_table", icon="USER")
         layout.operator("rle_splat.pick_connected", icon="EYEDROPPER")
-        layout.operator("rle_splat.threshold_segment", text="Threshold to Segment…", icon="NODE_SOCKET_FLOAT")
+        layout.operator(
+            "rle_splat.threshold_segment", text=with_ellipsis("Threshold to Segment"), icon="NODE_SOCKET_FLOAT"
+        )
         layout.separator()
         for tool, name, _description, icon in TOOLS:
-            layout.operator("rle_splat.change_segment", text=name, icon=icon).tool = tool
+            text = with_ellipsis(name) if tool in OF_LENGTH else name
+            layout.operator("rle_splat.change_segment", text=text, icon=icon).tool = tool
         layout.separator()
-        layout.operator("rle_splat.export_segments", text="Export Segments…", icon="EXPORT")
+        layout.operator("rle_splat.export_segments", text=with_ellipsis("Export Segments"), icon="EXPORT")
 
 
 class RLE_SPLAT_MT_label_functions(bpy.types.Menu):

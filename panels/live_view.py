@@ -5,7 +5,7 @@ import bpy
 from ..bridge import live
 from ..bridge.data import preferences
 from ..bridge.live import shown
-from ..bridge.translations import filled
+from ..bridge.translations import filled, with_ellipsis
 from ..bridge.volumes import volumes
 from .outdated import draw_outdated
 from .places import paragraph
@@ -50,7 +50,7 @@ def draw_state(context, layout) -> None:
         row = layout.row(align=True)
         owner = volumes.volume_object(context)
         if owner is not None and volumes.is_missing(owner):
-            row.operator("rle_splat.relocate_volume", text="Relocate", icon="FILE_FOLDER")
+            row.operator("rle_splat.relocate_volume", text=with_ellipsis("Relocate"), icon="FILE_FOLDER")
         row.operator("rle_splat.try_again", icon="FILE_REFRESH")
     elif mesh := live.mesh_before(area):
         paragraph(context, layout, live.sentence_of_mesh(area), icon="ERROR")

@@ -3,7 +3,7 @@
 import bpy
 from bpy.app.translations import pgettext_iface
 
-from ..bridge.translations import filled
+from ..bridge.translations import filled, with_ellipsis
 from ..bridge.volumes import volumes
 from ..rle_splat.scene import PRESET_AIMS
 from .outdated import draw_outdated
@@ -85,10 +85,10 @@ def _draw_files(layout) -> None:
     pictures, export = (layout.column(align=True) for _ in range(2))
     row = _tall(pictures)
     row.operator("rle_splat.render_image", icon="IMAGE_DATA")
-    row.operator("rle_splat.turntable", icon="RENDER_ANIMATION")
-    _tall(pictures).operator("rle_splat.save_figure", icon="DOCUMENTS")
-    export.operator("rle_splat.extract_surface", icon="MESH_ICOSPHERE")
-    export.operator("rle_splat.bake_volume", icon="VOLUME_DATA")
+    row.operator("rle_splat.turntable", text=with_ellipsis("Turntable"), icon="RENDER_ANIMATION")
+    _tall(pictures).operator("rle_splat.save_figure", text=with_ellipsis("Save Figure"), icon="DOCUMENTS")
+    export.operator("rle_splat.extract_surface", text=with_ellipsis("Extract Surface"), icon="MESH_ICOSPHERE")
+    export.operator("rle_splat.bake_volume", text=with_ellipsis("Bake to Cycles Volume"), icon="VOLUME_DATA")
 
 
 def _draw_quality(context, layout) -> None:

@@ -3,6 +3,7 @@
 import bpy
 
 from ..bridge.look import preset_entries
+from ..bridge.translations import with_ellipsis
 from ..bridge.volumes import volumes
 
 
@@ -19,7 +20,7 @@ class RLE_SPLAT_MT_presets(bpy.types.Menu):
                 else:
                     layout.operator("rle_splat.apply_user_preset", text=entry.label).name = entry.name
             layout.separator()
-        layout.operator("rle_splat.save_user_preset", text="Save as Preset…", icon="ADD")
+        layout.operator("rle_splat.save_user_preset", text=with_ellipsis("Save as Preset"), icon="ADD")
         layout.separator()
-        layout.operator("rle_splat.load_transfer_function", text="Load from File…", icon="FILE_FOLDER")
-        layout.operator("rle_splat.save_transfer_function", text="Save to File…", icon="FILE_TICK")
+        layout.operator("rle_splat.load_transfer_function", text=with_ellipsis("Load from File"), icon="FILE_FOLDER")
+        layout.operator("rle_splat.save_transfer_function", text=with_ellipsis("Save to File"), icon="FILE_TICK")

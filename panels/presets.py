@@ -4,6 +4,7 @@ import bpy
 
 from ..bridge import linked
 from ..bridge.look import preset_entries, thumbnails
+from ..bridge.translations import with_ellipsis
 from ..bridge.volumes import encoded, volumes
 from .places import BORDERS, BUTTON, OfVolume
 
@@ -22,8 +23,8 @@ class RLE_SPLAT_PT_presets(OfVolume, bpy.types.Panel):
         layout = self.layout
         owner = volumes.volume_object(context)
         row = layout.row(align=True)
-        row.operator("rle_splat.save_user_preset", text="Save as Preset…", icon="ADD")
-        row.operator("rle_splat.import_presets", text="Import…", icon="IMPORT")
+        row.operator("rle_splat.save_user_preset", text=with_ellipsis("Save as Preset"), icon="ADD")
+        row.operator("rle_splat.import_presets", text=with_ellipsis("Import"), icon="IMPORT")
         for group in preset_entries.groups(owner.rle_splat):
             header, body = layout.panel(f"RLE_SPLAT_presets_{group.name}", default_closed=not group.is_open)
             header.label(text=group.label)

@@ -2,6 +2,7 @@
 
 import bpy
 
+from ..bridge.translations import with_ellipsis
 from ..bridge.volumes import encoded, volumes
 from .places import DataTab, OfVolume, paragraph
 
@@ -22,12 +23,12 @@ class ScanPanel:
         row.prop(properties, "filepath", text="")
         button = row.row(align=True)
         button.ui_units_x = BUTTON
-        button.operator("rle_splat.relocate_volume", text="Relocate")
+        button.operator("rle_splat.relocate_volume", text=with_ellipsis("Relocate"))
         row = layout.row(align=True)
         row.operator("rle_splat.reload_volume", text="Reload", icon="FILE_REFRESH").use_dialog = False
         row = row.row(align=True)
         row.enabled = not encoded.is_of(owner)
-        row.operator("rle_splat.reload_volume", text="Edit…", icon="GREASEPENCIL").use_dialog = True
+        row.operator("rle_splat.reload_volume", text=with_ellipsis("Edit"), icon="GREASEPENCIL").use_dialog = True
         column = layout.column(align=True)
         for line in properties.facts.split("\n"):
             name, _, value = line.partition(": ")

@@ -58,13 +58,14 @@ def _short_name(one) -> str:
 
 def draw_window(context, layout, properties) -> None:
     """Level and window of the volume's slices, and what changes their grays in renders."""
-    is_linked = properties.slices_follow_window
-    unit, prefix, of = properties.value_unit, "slice" if not is_linked else "window", "Slice " if not is_linked else ""
+    unit, prefix = properties.value_unit, "slice" if not properties.slices_follow_window else "window"
     row = layout.row(align=True)
-    column = row.column(align=True)
-    column.prop(properties, f"{prefix}_center", text=with_unit(f"{of}Level", unit), translate=False)
-    column.prop(properties, f"{prefix}_width", text=with_unit(f"{of}Window", unit), translate=False)
-    row.menu("RLE_SPLAT_MT_slice_windows", text="", icon="DOWNARROW_HLT")
+    own = row.row(align=True)
+    own.enabled = not properties.slices_follow_window
+    column = own.column(align=True)
+    column.prop(properties, f"{prefix}_center", text=with_unit("Slice Level", unit), translate=False)
+    column.prop(properties, f"{prefix}_width", text=with_unit("Slice Window", unit), translate=False)
+    own.menu("RLE_SPLAT_MT_slice_windows", text="", icon="DOWNARROW_HLT")
     row.operator("rle_splat.use_window_tool", text="", icon="MOUSE_LMB_DRAG")
     row = layout.row(align=True)
     row.prop(properties, "slices_follow_window", toggle=True)

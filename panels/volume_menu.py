@@ -2,6 +2,7 @@
 
 import bpy
 
+from ..bridge.translations import with_ellipsis
 from ..bridge.volumes import volumes
 
 
@@ -13,8 +14,8 @@ class RLE_SPLAT_MT_volumes(bpy.types.Menu):
         for owner in volumes.volume_objects(context.scene):
             layout.operator("rle_splat.choose_object", text=owner.name, icon=icon_of(owner)).name = owner.name
         layout.separator()
-        layout.operator("rle_splat.import_volume", text="Import Volume…", icon="IMPORT")
-        layout.operator("rle_splat.import_dicom_series", text="Import DICOM Series…", icon="FILE_FOLDER")
+        layout.operator("rle_splat.import_volume", text=with_ellipsis("Import Volume"), icon="IMPORT")
+        layout.operator("rle_splat.import_dicom_series", text=with_ellipsis("Import DICOM Series"), icon="FILE_FOLDER")
 
 
 def icon_of(owner) -> str:

@@ -1,7 +1,8 @@
-"""The Window and Level tool of the 3D viewport's toolbar; its settings show the value under the mouse."""
+"""The Window and Level tool of the 3D viewport's toolbar; its settings show what is under the mouse."""
 
 import bpy
 
+from ..bridge.live import slice_places, slice_window, slices
 from ..bridge.look import probe
 from ..bridge.translations import with_unit
 from ..bridge.volumes import volumes
@@ -29,12 +30,13 @@ class RLE_SPLAT_WT_window(bpy.types.WorkSpaceTool):
     )
 
     def draw_settings(context, layout, _tool):
-        owner = volumes.volume_object(context)
+        one = slice_places.hovered(context)
+        owner = volumes.volume_object(context) if one is None else slices.volume_of(one)
         if owner is not None:
-            unit = owner.rle_splat.value_unit
-            row = layout.row(align=True)
-            row.prop(owner.rle_splat, "window_center", text=with_unit("Volume Level", unit), translate=False)
-            row.prop(owner.rle_splat, "window_width", text=with_unit("Volume Window", unit), translate=False)
+            properties, row = owner.rle_splat, layout.row(align=True)
+            for name in slice_window.names(properties, one is not None):  # what a drag from here would change
+                label = properties.bl_rna.properties[name].name
+                row.prop(properties, name, text=with_unit(label, properties.value_unit), translate=False)
         line = probe.hovered(context.area) if context.area is not None else ""
         layout.label(text=line or "Move the mouse over a volume", icon="EYEDROPPER")
 

@@ -71,7 +71,7 @@ class RLE_SPLAT_AP_preferences(bpy.types.AddonPreferences):
     )
     live_pixels: EnumProperty(
         name="Resolution While Moving", items=DRAFT_ITEMS, update=_live_changed,
-        description="Resolution of what viewports show while anything changes")  # fmt: skip
+        description="Resolution of the drafts that viewports show while anything changes")  # fmt: skip
     memory_limit: FloatProperty(
         name="Memory Limit", description="Most memory that one volume or picture may take, in GiB",
         default=0.0, min=0.0, soft_max=256.0, precision=1, update=_memory_limit_changed)  # fmt: skip

@@ -38,7 +38,7 @@ from .settings import removed_sentence, scene_scale_of, suit_classification, sui
 from .volume_properties import VolumeProperties
 
 QUALITY_TEXTS = {
-    "draft": ("Draft", "Fast and coarse, for moving around"),
+    "draft": ("Draft", "Fast and coarse, as the drafts that viewports show while anything changes"),
     "standard": ("Standard", "A balance of time and accuracy"),
     "fine": ("Fine", "More accurate, for final pictures; up to three times the time of Standard"),
     "strict": (
@@ -80,8 +80,8 @@ USUAL = tables.Quality()  # the default values of the knobs
 
 PLAIN_TEXTS = {
     "classification": "Whether values become opacity and color before or after they are interpolated",
-    "depth_rule": "How many layers are computed between neighboring slices, and how they are added up along the view. "
-    "Exact layers need Interpolate: Values",
+    "depth_rule": "How many layers are computed between neighboring slices, and how they are added up along the view: "
+    "evenly, by Simpson's or Gauss's rule, or exactly (pre-integrated), which needs Interpolate: Values",
     "sheet_density": "Pixels of a layer per pixel of the picture; 0 is one per voxel",
     "kernel": "Shape in which a voxel is drawn. With Interpolate: Values it is always Linear",
     "minification": "What prevents shimmer where voxels are smaller than pixels. With Interpolate: Values it is "
@@ -89,7 +89,7 @@ PLAIN_TEXTS = {
     "warp_filter": "How the finished layers become the pixels of the picture",
     "axis_fade": "Degrees over which two stacks of slices are blended as the camera turns, so that the picture does "
     "not jump; only in orthographic views",
-    "termination": "Skip what is behind material that lets less than this share of light pass (early ray termination)",
+    "termination": "Stop where less than this share of the light behind would be seen (early ray termination)",
     "rays": "Compute pixels that differ from a neighbor by at least this much exactly, by ray casting; slower. 1 is "
     "from black to white, 0 is off. Needs Interpolate: Values",
     "model": "What is added up where voxels overlap. With Interpolate: Values it is always Extinction",
@@ -181,7 +181,7 @@ class SceneSettings(bpy.types.PropertyGroup):
         name="Pixel Density", description=PLAIN_TEXTS["sheet_density"], default=USUAL.sheet_density, min=0.0,
         max=tables.MOST_SHEET_DENSITY)  # fmt: skip
     termination: LiveFloat(
-        name="Opaque Below", description=PLAIN_TEXTS["termination"], default=USUAL.termination, min=0.0, max=0.499,
+        name="Stop Below", description=PLAIN_TEXTS["termination"], default=USUAL.termination, min=0.0, max=0.499,
         precision=5)  # fmt: skip
     axis_fade: LiveFloat(
         name="Blend Angle", description=PLAIN_TEXTS["axis_fade"], default=USUAL.axis_fade, min=0.0, max=tables.MOST_FADE

@@ -90,9 +90,14 @@ def under(context, mouse):
     return nearest
 
 
-def line_under(context, mouse) -> str:
-    """The value of the slice under the mouse, for people; "" where no slice is seen."""
-    one = under(context, mouse)
+def hovered(context):
+    """The slice that lay under the mouse when it moved last over the context's area; None elsewhere."""
+    uid = 0 if context.area is None else probe.hovered_slice(context.area)
+    return next((one for one in slices.slice_objects(context.scene) if one.session_uid == uid), None)
+
+
+def line_on(one, context, mouse) -> str:
+    """The value under the mouse of a slice, for people; "" for None, and before the voxels are in memory."""
     owner = None if one is None else slices.volume_of(one)
     depsgraph = context.evaluated_depsgraph_get()
     if owner is None or not loading.is_at_hand(owner, depsgraph):

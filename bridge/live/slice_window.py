@@ -20,15 +20,20 @@ def read(properties) -> tuple[float, float, bool]:
     clears : bool
         Whether black is transparent.
     """
-    center, width = map(typed, own(properties))
+    center, width = map(typed, level_and_window(properties))
     return center - 0.5 * width, center + 0.5 * width, properties.slices_clear_black
 
 
-def own(properties) -> tuple[float, float]:
-    """Level and window of a volume's slices."""
-    if properties.slices_follow_window:
-        return properties.window_center, properties.window_width
-    return properties.slice_center, properties.slice_width
+def names(properties, of_slices: bool = True) -> tuple[str, str]:
+    """The properties that hold level and window of a volume's slices, or of its colors."""
+    is_own = of_slices and not properties.slices_follow_window
+    return ("slice_center", "slice_width") if is_own else ("window_center", "window_width")
+
+
+def level_and_window(properties, of_slices: bool = True) -> tuple[float, float]:
+    """Level and window of a volume's slices, or of its colors."""
+    center, width = names(properties, of_slices)
+    return getattr(properties, center), getattr(properties, width)
 
 
 def begin(properties, volume) -> None:
@@ -50,7 +55,5 @@ def begin(properties, volume) -> None:
 
 def move(properties, center: float, width: float) -> None:
     """Set the window of a volume's slices, which is then their own unless it is the volume's."""
-    if properties.slices_follow_window:
-        properties.window_center, properties.window_width = center, width
-    else:
-        properties.slice_center, properties.slice_width = center, width
+    for name, value in zip(names(properties), (center, width)):
+        setattr(properties, name, value)

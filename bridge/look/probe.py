@@ -171,21 +171,26 @@ def position_text(position, volume, axes=(0, 1, 2)) -> str:
     return " ".join(texts[axis] for axis in axes) + f" {volume.unit}"
 
 
-_hovered: dict = {}  # address of an area -> what lies under the mouse in it
+_hovered: dict = {}  # address of an area -> what lies under the mouse in it: a line, session id of a slice or 0
 _watched: list = []  # at most the address of the area whose mouse is followed, until it leaves
 
 
 def hovered(area) -> str:
     """What lay under the mouse when it moved last over an area; "" if it has not."""
-    return _hovered.get(area.as_pointer(), "")
+    return _hovered.get(area.as_pointer(), ("", 0))[0]
 
 
-def hover(context, line: str) -> None:
-    """Note what lies under the mouse, and redraw the header with the tool's settings, which tell it."""
-    address = context.area.as_pointer()
-    if _hovered.get(address) != line:
+def hovered_slice(area) -> int:
+    """Session id of the slice that lay under the mouse when it moved last over an area; 0 elsewhere."""
+    return _hovered.get(area.as_pointer(), ("", 0))[1]
+
+
+def hover(context, line: str, one) -> None:
+    """Note what lies under the mouse, a line and a slice or None, and redraw the header that shows it."""
+    address, now = context.area.as_pointer(), (line, one.session_uid if one is not None else 0)
+    if _hovered.get(address) != now:
         _hovered.clear()  # the mouse is over one area at a time
-        _hovered[address] = line
+        _hovered[address] = now
         redraw(context.area)
 
 

@@ -60,6 +60,11 @@ def with_unit(label: str, unit: str) -> str:
     return f"{label} ({unit})" if unit else label
 
 
+def with_ellipsis(label: str) -> str:
+    """A label in the language of the interface, for a button that opens a dialog or a file browser."""
+    return f"{pgettext_iface(label, OURS)}…"
+
+
 def filled(template: str, **values) -> str:
     """A sentence in the language of the interface.
 

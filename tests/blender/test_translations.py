@@ -54,7 +54,7 @@ def test_texts_of_all_kinds_are_found(addon):
         ("Shape of the cut", "operators/add_cutting_object.py"),
     ):  # fmt: skip
         assert registered[text] == file
-    for text in ("Import Volume…", "Canceled; nothing was changed.", "Select one of the volumes in the scene"):
+    for text in ("Load from File", "Canceled; nothing was changed.", "Select one of the volumes in the scene"):
         assert written[text].partition(":")[0].endswith(".py")
 
 

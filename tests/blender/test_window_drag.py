@@ -1,7 +1,13 @@
 """Window and level by dragging: what pixels change, and the operator without a window."""
 
+from types import SimpleNamespace
+
 import bpy
 import pytest
+
+from tests.blender import scenes
+from tests.blender.layout_recorder import Recorder
+from tests.blender.scenes import module
 
 
 @pytest.fixture
@@ -55,6 +61,53 @@ def test_without_a_window_the_operator_sets_level_and_window(volume_object):
         properties.window_center, properties.window_width = 1.0, 2.0
         assert bpy.ops.rle_splat.drag_window(*how, center=90.0, width=40.0) == {"FINISHED"}
         assert (properties.window_center, properties.window_width) == (90.0, 40.0)
+
+
+def test_over_slices_the_operator_sets_theirs(volume_object):
+    properties = volume_object.rle_splat
+    properties.slices_follow_window = False
+    before = properties.window_center, properties.window_width
+    assert bpy.ops.rle_splat.drag_window(center=90.0, width=40.0, of_slices=True) == {"FINISHED"}
+    assert (properties.slice_center, properties.slice_width) == (90.0, 40.0)
+    assert (properties.window_center, properties.window_width) == before
+
+
+def test_the_tools_header_shows_level_and_window_of_what_is_under_the_mouse(volume_object, bridge):
+    """Those of a slice whose window is its own, and else the volume's."""
+    assert bpy.ops.rle_splat.add_slice(kind="AXIAL") == {"FINISHED"}
+    one, probe = bpy.context.object, bridge("look.probe")
+    scenes.activate(volume_object)
+    area = SimpleNamespace(as_pointer=lambda: 1, regions=[])
+    context = SimpleNamespace(
+        area=area, scene=bpy.context.scene, view_layer=bpy.context.view_layer, object=volume_object
+    )
+
+    def shown(under):
+        log: list = []
+        probe.hover(context, "12, voxel 1 2 3", under)
+        module("panels.window_tool").RLE_SPLAT_WT_window.draw_settings(context, Recorder(log), None)
+        assert ("label", "12, voxel 1 2 3") in log
+        return [name for kind, name in log if kind == "prop"], [text for kind, text in log if kind == "text"][:2]
+
+    try:
+        of_volume = ["window_center", "window_width"], ["Level", "Window"]
+        assert shown(None) == of_volume
+        assert shown(one) == (["slice_center", "slice_width"], ["Slice Level", "Slice Window"])
+        volume_object.rle_splat.slices_follow_window = True
+        assert shown(one) == of_volume
+    finally:
+        probe.forget()
+
+
+def test_slices_that_follow_the_volume_show_its_window_grayed(volume_object):
+    properties, draw = volume_object.rle_splat, module("panels.slices").draw_window
+    for is_linked, names in ((False, ["slice_center", "slice_width"]), (True, ["window_center", "window_width"])):
+        properties.slices_follow_window = is_linked
+        log: list = []
+        draw(bpy.context, Recorder(log), properties)
+        assert [name for kind, name in log if kind == "prop"][:2] == names
+        assert [text for kind, text in log if kind == "text"][:2] == ["Slice Level", "Slice Window"]
+        assert ("enabled", not is_linked) in log
 
 
 def test_it_says_what_is_missing(addon, refused):

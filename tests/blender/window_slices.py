@@ -145,7 +145,10 @@ def check_value(name):
     for by in range(2):
         send("MOUSEMOVE", at + by, "NOTHING")
         yield
-    line = module("bridge.look.probe").hovered(area_of("VIEW_3D"))
+    probe = module("bridge.look.probe")
+    line = probe.hovered(area_of("VIEW_3D"))
+    assert probe.hovered_slice(area_of("VIEW_3D")) == slices()["axial"].session_uid
+    yield from photograph("value")
     print(f"over the slice: {line}", flush=True)
     value, voxel = line.split(", ")[:2]
     x, y, z = (int(number) for number in voxel.split()[1:])

@@ -230,7 +230,7 @@ def test_the_reference_lists_every_panel_with_its_settings():
     pictures = [path.stem.removeprefix("panel-") for path in (ROOT / "docs/images").glob("panel-*")]
     assert sorted(name for _, name in shown) == sorted(pictures)
     assert all(f"[{title}](#{name})" in text for title, name in shown)
-    assert text.count("Import Volume…") == 1 and text.index("\n## Segments") < text.index("\n## Channels")
+    assert text.count("*Import Volume*") == 1 and text.index("\n## Segments") < text.index("\n## Channels")
 
 
 def test_the_reference_explains_every_setting():
