@@ -6,7 +6,7 @@ from ..bridge.translations import with_ellipsis
 from ..bridge.volumes import encoded, volumes
 from .places import DataTab, OfVolume, paragraph
 
-BUTTON = 3.5  # width of the button beside the path, in buttons
+BUTTON = 3.8  # width of the button beside the path, in buttons
 
 
 class ScanPanel:
