@@ -130,7 +130,7 @@ class SourceOptions:
     series_key: StringProperty(
         name="Series Hash", description="Hash of the identifier of the DICOM series, by which it is found again",
         options={"HIDDEN"})  # fmt: skip
-    frame: IntProperty(name="Time Point", description="Time point to read, from 1; 0 is the first", default=0, min=0)
+    frame: IntProperty(name="Time Point", description="Time point to read: 1 is the first, as is 0", default=0, min=0)
     level: IntProperty(
         name="Resolution Level", description="Level of an OME-Zarr pyramid: 0 is the finest, -1 the finest that fits "
         "into memory", default=-1, min=-1)  # fmt: skip

@@ -44,11 +44,11 @@ SUBSCRIBERS = (
     *image_changes.HANDLERS,
     *meshes.HANDLERS,
     *world_render.HANDLERS,  # before over_render.HANDLERS, which read the world's light
+    *migration.HANDLERS,  # before slice_pictures and update.HANDLERS, which need the rows that it adds on load
+    *slice_pictures.HANDLERS,  # before over_render.HANDLERS, which read the outlines of slices with all pixels
     *over_render.HANDLERS,
     *mesh_shadows.HANDLERS,
-    *migration.HANDLERS,  # before update.HANDLERS, which need the rows that it adds on load
     *update.HANDLERS,
-    *slice_pictures.HANDLERS,
     *picture_files.HANDLERS,
     *live.HANDLERS,
     *work.HANDLERS,

@@ -23,8 +23,8 @@ FRONT, BACK = -0.11, 0.005  # meters from the middle
 SHIFT, GROW, OPAQUE, SMOOTH = -100.0, 2.0, 0.05, 2.0  # HU, mm, mm, mm: thin walls are whole and opaque
 LEVEL, WINDOW = 400.0, 1200.0  # HU
 DARK = (0.012, 0.016, 0.024)  # of the world
-GRADED, EXPOSURE = 45, 0.6  # the frame of the picture, which is one of the film's
-LIFT, GAIN = (0.98, 1.0, 1.05, 1.0), (1.1, 1.0, 0.88, 1.0)  # bluish shadows, warm lights
+GRADED, EXPOSURE = 45, 0.5  # the frame of the picture, which is one of the film's
+LIFT, GAIN = (0.99, 1.0, 1.015, 1.0), (1.12, 1.0, 0.88, 1.0)  # bluish shadows, warm lights
 SAMPLES = 8  # of Cycles, which renders the faces of the cut and the world alone
 
 

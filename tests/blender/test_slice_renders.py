@@ -106,3 +106,31 @@ def test_what_a_slice_hides_is_found_again_when_it_was_dropped_from_memory(addon
     store = bridge("loop.store")
     store.withdraw([wish for wish in list(store._wanted) if wish.purpose == "opaque"])
     np.testing.assert_allclose(scenes.picture_of(use_meshes=True)[1][12, 12, 3], full, atol=1e-6)
+
+
+def test_a_render_right_after_a_change_shows_nothing_of_a_coarse_slice(addon, tmp_path, bridge, monkeypatch):
+    """While a slice changes in a window it has few pixels; the volume of a render ends at the one with all."""
+    side = 25
+    outward = np.sqrt(sum((axis - side // 2) ** 2 for axis in np.mgrid[:side, :side, :side]))
+    owner = scenes.import_raw(tmp_path, np.clip(190.0 - 10.0 * outward, 0.0, 255.0).astype(np.uint8))
+    scenes.give_transfer(owner, ((0.0, 0.0), (99.5, 0.0), (100.0, 1.0), (255.0, 1.0)), (1.0, 1.0, 1.0))
+    scenes.activate(owner)
+    assert bpy.ops.rle_splat.add_cutting_object(kind="PLANE") == {"FINISHED"}
+    scenes.activate(owner)
+    assert bpy.ops.rle_splat.gray_values_on_cut() == {"FINISHED"}
+    scene = scenes.use_cycles((40, 40))
+    scenes.add_camera((12.0, -30.0, 54.0), rotation=(0.785, 0.0, 0.0), type="ORTHO", ortho_scale=26.0)
+    assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
+    expected = scenes.rendered(tmp_path / "all.exr")
+    (one,) = bridge("live.slices").slice_objects(scene)
+    pictures, depsgraph = bridge("live.slice_pictures"), bpy.context.evaluated_depsgraph_get()
+    update = pictures.update
+    monkeypatch.setattr(pictures, "MOST_OF_DRAFT", 25)
+    monkeypatch.setattr(pictures, "update", lambda scene, depsgraph, may_wait: update(
+        scene, depsgraph, depsgraph.mode != "RENDER"))  # fmt: skip
+    bridge("loop.store").forget_all()
+    update(scene, depsgraph, may_wait=False)  # reads the voxels
+    pictures.forget()
+    update(scene, depsgraph, may_wait=True)
+    assert len(one.rle_splat.slice_image.pixels) <= 100
+    np.testing.assert_array_equal(scenes.rendered(tmp_path / "few.exr"), expected)
