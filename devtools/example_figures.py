@@ -46,7 +46,7 @@ CROPS = {  # of the README: photographs of windows, and the part of each
     "readme-slice": ("how-to-window", (228, 47, 748, 437)),
 }
 STEPS = (  # of the strip, after the slices: captions, pictures of the documentation, and the part of each
-    ("Bone", "tutorial-3-preset", (230, 310, 790, 730)),
+    ("Bone", "tutorial-3-preset", (230, 304, 790, 724)),
     ("Cut open", "tutorial-7-rendered", (240, 167, 1036, 764)),
     ("The finished scene", "gallery-skull", (0, 0, 1600, 1200)),
 )

@@ -55,7 +55,7 @@ RECIPES = (
         lens=57.0,
     ),
     Recipe(
-        "bone",
+        "for bone",
         SKULL,
         "BONE",
         {"preset": "ct-bone"},
@@ -63,9 +63,9 @@ RECIPES = (
         aim=(0.0, 0.0, -0.06),
         lens=72.0,
     ),
-    Recipe("soft", BRAIN, "SOFT", {"preset": "mr-brain"}, lens=84.0),
+    Recipe("soft lights", BRAIN, "SOFT", {"preset": "mr-brain"}, lens=84.0),
     Recipe(
-        "skin",
+        "for skin",
         HEAD,
         "SKIN",
         {"preset": "mr-head"},
@@ -74,14 +74,14 @@ RECIPES = (
         lens=58.0,
     ),
     Recipe(
-        "smoke",
+        "for smoke",
         "smoke_fog.vdb",
         "SMOKE",
         aim=(0.0, 0.0, -0.08),
         lens=80.0,
     ),
     Recipe(
-        "specimen",
+        "for specimens",
         LOBSTER,
         "SPECIMEN",
         {**BARE, "preset": "ct-specimen"},

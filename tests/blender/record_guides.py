@@ -46,7 +46,7 @@ from tests.blender.window_driver import (
 )
 
 HEAD, CUT = "620x560+140+170", "620x560+235+170"
-TOOL = "760x440+0+28"  # with the toolbar and both headers
+TOOL = "800x440+0+28"  # with the toolbar and both headers
 BEATING, PANEL = "280x322+380+234", "260x322+990+455"
 RAW = "cthead_256x256x113_uint16be.raw.gz"
 FOOT = "foot_256x256x256_uint8_fromjpeg.raw.gz"
