@@ -67,7 +67,7 @@ class RLE_SPLAT_OT_import_channel(ImportsVolumes, bpy.types.Operator, ImportHelp
 
     filter_glob: StringProperty(default=";".join("*" + suffix for suffix in LAST_SUFFIXES), options={"HIDDEN"})
     of_file: BoolProperty(
-        name="Channels of the File", description="Add the other channels in the file of this volume",
+        name="Other Channels of This File", description="Add the other channels in the file of this volume",
         options={"SKIP_SAVE", "HIDDEN"})  # fmt: skip
 
     use_dialog: BoolProperty(

@@ -196,5 +196,5 @@ def picture_memory(properties, transfer_function, quality, width: int, height: i
         others.append(filled("{memory} among meshes", memory=bytes_text(wanted(meshes=True).needed)))
     beside = f" ({', '.join(others)})" if others else ""
     return filled(
-        "About {memory}, {share} of the voxels", memory=f"{bytes_text(alone.needed)}{beside}",
+        "Memory: about {memory}. {share} of the voxels are visible", memory=f"{bytes_text(alone.needed)}{beside}",
         share=f"{alone.visible_fraction:.1%}")  # fmt: skip

@@ -31,7 +31,7 @@ def said(monkeypatch) -> str:
 
 def translate(monkeypatch):
     """(bytes, share of the voxels) as the panel has them."""
-    found = re.search(r"About ([\d.]+) (\w+)(?: \(.*\))?, ([\d.]+)% of the voxels", said(monkeypatch))
+    found = re.search(r"about ([\d.]+) (\w+)(?: \(.*\))?\. ([\d.]+)% of the voxels", said(monkeypatch))
     return float(found[1]) * UNITS[found[2]], float(found[3]) / 100.0
 
 

@@ -96,7 +96,7 @@ def test_buttons_that_open_a_dialog_and_no_others_end_in_an_ellipsis(volume_obje
     assert not unnamed & asking - depending
     texts_of = {text for name, text in drawn if name in depending}
     assert texts_of == {
-        "Add Channel from File…", "Add Channels of the File", "Reload", "Edit…",
+        "Add Channel from File…", "Add Other Channels of This File", "Reload", "Edit…",
         "Grow…", "Shrink…", "Smooth…", "Fill Holes", "Keep Largest", "Invert",
     }  # fmt: skip
 

@@ -198,7 +198,7 @@ def test_the_reference_lists_every_operator_with_its_tooltip():
         section = text.partition(f"`bpy.ops.{texts['bl_idname']}()`. ")
         assert f"## {texts['bl_label']}\n" in section[0] and len(section[2].partition("\n")[0]) > 10, texts
     for row in (
-        "| `of_file` | Channels of the File | bool | `False` |",
+        "| `of_file` | Other Channels of This File | bool | `False` |",
         "| `use_meshes` | Meshes Hide Volume | bool | unset |",
         "| `direction` | Direction | float (3) | `(0, 1, 0)` |",
     ):
