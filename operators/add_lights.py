@@ -23,9 +23,9 @@ FROM_THE_FRONT = Matrix.Rotation(np.pi / 2.0, 3, "X").to_quaternion()  # the vie
 
 
 class RLE_SPLAT_OT_add_lights(LoadsFirst, bpy.types.Operator):
-    """Add lights for one kind of scan, fitted to the volume, in place of those that this button added before. Sets Light
-    Source, Shadows, Ambient Occlusion and Scattering, too. Another recipe restores the surface settings that For Skin
-    and For Smoke change"""
+    """Add lights for one kind of scan, fitted to the volume, in place of those that this button added before. Sets
+    Light Source, Shadows, Ambient Occlusion and Scattering, too. Another recipe restores the surface settings that For
+    Skin and For Smoke change"""
 
     bl_idname = "rle_splat.add_lights"
     bl_label = "Add Lights"
