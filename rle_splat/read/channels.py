@@ -10,7 +10,7 @@ from .formats import format_of, read_steps
 MOST_CHANNELS = 16  # of one file
 
 
-def read_channel(path: str | PathLike | Volume, volume: Volume, **options) -> Volume:
+def read_channel(path: str | PathLike | Volume, volume: Volume, **options: object) -> Volume:
     """Read a second volume, such as the PET of a CT, and bring its values onto the grid of a volume, for ``Channel``.
 
     Parameters
