@@ -1,7 +1,5 @@
 """Add Letters and Scale Bar: what viewports draw over a volume, as objects, which renders show too."""
 
-import math
-
 import bpy
 import numpy as np
 from mathutils import Matrix, Vector
@@ -9,7 +7,6 @@ from mathutils import Matrix, Vector
 from ..bridge.data.settings import scene_scale_of
 from ..bridge.live import bars, letters
 from ..bridge.volumes import box, volumes
-from .add_cutting_object import visible_corners
 from .letter_objects import add_object, depths_of, new_emission, new_text, plane_before
 from .reading import LoadsFirst
 from .refusal import refuse
@@ -17,12 +14,11 @@ from .through_camera import has_volume_and_camera
 
 SIZE, LONGEST, MARGIN = 0.036, 0.25, 0.04  # of a letter, of the bar and of the space beside it, shares of the picture
 HALF = 0.4  # of a letter's width beside a second one, in its size
-NEAREST = 0.2  # depth of a corner, as a share of the middle's, that is seen at most
 
 
 class RLE_SPLAT_OT_add_letters(LoadsFirst, bpy.types.Operator):
-    """Add orientation letters around what is visible, and a scale bar, as objects that renders show. They turn to the
-    camera. In perspective, the bar is true at the depth of the volume's middle. Click again after a change"""
+    """Add orientation letters at the edges of the picture, and a scale bar, as objects that renders show. They turn to
+    the camera. In perspective, the bar is true at the depth of the volume's middle. Click again after a change"""
 
     bl_idname = "rle_splat.add_letters"
     bl_label = "Add Letters and Scale Bar"
@@ -49,26 +45,20 @@ class RLE_SPLAT_OT_add_letters(LoadsFirst, bpy.types.Operator):
 def _letters(owner, scene, frame):
     """Yield name, text, parent and matrix of each letter.
 
-    They stand beside what is visible, as the camera sees it, so that the volume does not hide them: at the depth of its
-    middle, and not outside the picture where that can be.
+    They stand at the edges of the picture, at the depth of the volume's middle, and move with the volume.
     """
-    corners = np.array([frame.inverted() @ Vector(corner) for corner in visible_corners(owner, scene).tolist()])
-    middle, (high, _, low, _) = Vector(corners.mean(axis=0)), scene.camera.data.view_frame(scene=scene)
-    away = 1.0 if scene.camera.data.type == "ORTHO" else middle.z / low.z
-    size = SIZE * (high.y - low.y) * away
-    if scene.camera.data.type != "ORTHO":
-        corners *= middle.z / np.minimum(corners[:, 2:], NEAREST * middle.z)  # as seen at the middle's depth
+    middle = sum((frame.inverted() @ Vector(corner) for corner in box.world_corners(owner)), Vector()) / 8
+    high, _, low, _ = scene.camera.data.view_frame(scene=scene)
     if middle.z > 0.0:  # behind the camera
         return
+    away = 1.0 if scene.camera.data.type == "ORTHO" else middle.z / low.z
+    size = SIZE * (high.y - low.y) * away
     turn = frame.to_3x3().to_4x4() @ Matrix.Scale(size, 4)
-    view = np.array(frame.to_3x3()).T[:2]
-    for text, toward, reach in letters.letters_beside(owner, view, corners[:, :2], middle[:2]):
-        across = size * (1.0 + HALF * (len(text) - 1) * abs(toward.x))
-        ends = [((high if way > 0.0 else low)[n] * away - middle[n] - math.copysign(across, way)) / way
-                for n, way in enumerate(toward) if way]  # fmt: skip
-        room = min(ends)  # to the picture's edge
-        place = frame @ (middle + (min(reach + across, room) if room > 0.0 else reach + across) * toward.to_3d())
-        yield text, new_text(text), owner, Matrix.Translation(place) @ turn
+    for text, toward in letters.letters_of_sides(owner, np.array(frame.to_3x3()).T[:2]):
+        inward = size * (1.0 + HALF * (len(text) - 1) * abs(toward.x))
+        across, half = 0.5 * away * (high + low), 0.5 * away * (high - low)
+        place = Vector((across.x + toward.x * (half.x - inward), across.y + toward.y * (half.y - inward), middle.z))
+        yield text, new_text(text), owner, Matrix.Translation(frame @ place) @ turn
 
 
 def _bar(owner, scene, frame, depths):

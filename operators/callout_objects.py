@@ -128,13 +128,11 @@ def _letters_of(owner, scene) -> list:
 
 
 def _widen(edges, owner, scene, frame, ends) -> tuple[float, float]:
-    """The left and right end of what is named and of slices and letters beside it, so that texts stand beyond all.
+    """The left and right end of what is named and of slices beside it, so that texts stand beyond both.
 
     ``ends``: the lowest and the highest x of the picture.  What is cut off there does not count.
     """
-    points = [
-        one.matrix_world.translation for one in _letters_of(owner, scene) if letters.LETTERS.issuperset(one.data.body)
-    ]
+    points = []
     for one in slices.slice_objects(scene):
         if slices.volume_of(one) == owner and not (one.hide_render or slices.is_on_cut(one)):
             points += (one.matrix_world @ Vector(corner) for corner in one.bound_box)

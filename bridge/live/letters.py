@@ -22,47 +22,30 @@ from ..translations import translate
 from ..volumes import box, volumes
 from . import drawing, slice_places
 
-LETTERS = frozenset("RLAPIS")
 SIZE = 15  # points; scaled with Blender's interface
 SIDES = ((-1.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.0, -1.0))  # left, right, top and bottom of a picture
 ASLANT = 1e-6  # of the most that a line faces a direction: lines along it, which no letter passes
 FONT = 0  # Blender's own
 
 
-def letters_beside(volume_object, view, corners, middle) -> list:
-    """The letters around a volume in a picture, as figures have them; none where its file does not say the sides.
+def letters_of_sides(volume_object, view) -> list:
+    """The letters at the sides of a picture, as figures have them; none where the volume's file does not say the sides.
 
     Parameters
     ----------
     view : (2, 3) array_like
         Unit vectors to the right and up of the picture, in world space.
-    corners : (n, 2) array_like
-        Where the picture shows the corners of a box around what the letters stand beside.
-    middle : (2,) array_like
-        Where it shows the box's middle.
 
     Returns
     -------
-    list of (str, Vector, float)
-        One or two letters, the direction from the middle to them in the picture, and how far the box's outline, or its
-        point reflection, reaches there.
+    list of (str, Vector)
+        One or two letters, and the direction of their side in the picture.
     """
     if volume_object.rle_splat.space != PATIENT:
         return []
-    corners = np.asarray(corners) - np.asarray(middle)
-    # Of the lines through two corners, moved outward until all corners are behind them, the nearest are the outline.
-    across = (corners[:, None] - corners).reshape(-1, 2)[:, ::-1] * (1.0, -1.0)
-    reach = np.abs(corners @ across.T).max(axis=0)
     own = np.linalg.pinv(np.array(volume_object.matrix_world)[:3, :3]) @ np.asarray(view).T
-    found = []
-    for side in np.array(SIDES):
-        facing = np.abs(across @ side)
-        ahead = facing > ASLANT * facing.max()
-        sight = own @ side
-        found.append(
-            (letters_of(sight / np.linalg.norm(sight)), Vector(side), float(min(reach[ahead] / facing[ahead])))
-        )
-    return found
+    sights = [own @ side for side in np.array(SIDES)]
+    return [(letters_of(sight / np.linalg.norm(sight)), Vector(side)) for sight, side in zip(sights, SIDES)]
 
 
 def is_letter(one, owner) -> bool:
@@ -146,8 +129,23 @@ def _on_screen(owner, context) -> list:
     if not (0.0 < center.x < context.region.width and 0.0 < center.y < context.region.height):
         return []
     space = SIZE * context.preferences.system.ui_scale
-    placed = letters_beside(owner, np.array(view.view_matrix)[:2, :3], seen, center)
-    return [(text, center + toward * (reach + space), toward.x) for text, toward, reach in placed]
+    found = []
+    for text, toward in letters_of_sides(owner, np.array(view.view_matrix)[:2, :3]):
+        away = _outline_distance(np.array(seen) - np.array(center), np.array(toward)) + space
+        found.append((text, center + toward * away, toward.x))
+    return found
+
+
+def _outline_distance(corners: np.ndarray, toward: np.ndarray) -> float:
+    """How far the outline of a box, or its point reflection, is from its middle, the origin, along a direction.
+
+    ``corners``, (n, 2): where the picture shows the corners. Of the lines through two of them, moved outward until all
+    are behind them, the nearest are the outline.
+    """
+    across = (corners[:, None] - corners).reshape(-1, 2)[:, ::-1] * (1.0, -1.0)  # normals of the lines
+    facing = np.abs(across @ toward)
+    ahead = facing > ASLANT * facing.max()
+    return float((np.abs(corners @ across[ahead].T).max(axis=0) / facing[ahead]).min())
 
 
 HANDLERS = drawing.Handlers((_draw, "POST_PIXEL"))
