@@ -18,6 +18,7 @@ from tests.blender.window_driver import SHOTS, area_of, in_the_view, new_file, p
 
 DATA = Path(__file__).parent / "data"
 AORTA = "cta_aorta_labels"
+LEFT_OUT = "mask_superior_mesenteric_artery.nii.gz"  # below the slice of the tutorial
 HEART = f"{AORTA}/cta_heart_aorta_120x126x164_int16.nii.gz"
 BRAIN, HEAD_MR = "flair_brain_124x160x140_uint8.nrrd", "t1_head_188x256x190_uint8.nii.gz"
 QUALITY = "70"
@@ -109,11 +110,12 @@ def begin():
 
 
 def masks() -> Path:
-    """A folder of masks as TotalSegmentator writes them, with a label map of both lumina."""
+    """A folder of masks as TotalSegmentator writes them, with a label map of both lumina; none of LEFT_OUT."""
     folder = SCANS / "segmentations"
     folder.mkdir(parents=True, exist_ok=True)
     for path in (DATA / AORTA).glob("mask_*.nii.gz"):
-        shutil.copyfile(path, folder / path.name.removeprefix("mask_"))
+        if path.name != LEFT_OUT:
+            shutil.copyfile(path, folder / path.name.removeprefix("mask_"))
     shutil.copyfile(DATA / AORTA / "labels_true_false_lumen_uint8.nii.gz", folder / "aorta_lumens.nii.gz")
     return folder
 

@@ -42,8 +42,6 @@ from tests.blender.window_driver import (
 )
 
 ORGANS = "540x610+160+140"  # of a photograph
-# The slice's place in mm and its level and window in HU.
-LEFT_OUT = ("superior_mesenteric_artery",)  # below the slice
 TEXTS = {"Aorta true lumen": "Ascending aorta", "Aorta false lumen": "False lumen",
           "Annulus proper": "Aortic annulus"}  # names before, after  # fmt: skip
 DARK = (0.012, 0.016, 0.024)  # of the world
@@ -51,6 +49,7 @@ DESCENDING = 0.35  # of the picture's height: how far below the line to the fals
 ARTERY = "subclavian_artery_left"  # leaves the scan, and enters it again
 RINGS = "annulus_proper", "sinotubular_junction"  # thin ones, in a color of their own
 SAMPLES = 100  # turns of the window's loop
+# The slice's place in mm and its level and window in HU; a color.
 GROUND, VESSEL_WINDOW, TURQUOISE = 551.0, (150.0, 900.0), (0.03, 0.6, 0.5)
 
 
@@ -109,7 +108,7 @@ def tutorial_of_organs():
     for row in ours.labels:
         if row.label_name in RINGS:
             row.color = TURQUOISE
-        row.show = row.label != 0 and row.label_name not in LEFT_OUT
+        row.show = row.label != 0
     yield from settled()
     yield from keep("alone", ORGANS)
     beside("how-to-isolate", {"The whole scan": "whole", "Segments alone": "alone"})
