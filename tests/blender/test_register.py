@@ -19,17 +19,17 @@ HANDLES = "RLE_SPLAT_GGT_clip_box", "RLE_SPLAT_GGT_clip_plane"
 SUBSCRIBERS = {
     "blend_import_post": ["source_paths", "index", "migration"],
     "depsgraph_update_post": [
-        "index", "image_changes", "meshes", "update", "slice_pictures", "shown", "live", "work", "store"],
-    "frame_change_post": ["meshes", "over_render", "update", "slice_pictures", "shown", "work"],
-    "load_post": ["source_paths", "index", "migration", "update", "slice_pictures", "picture_files", "shown"],
-    "load_pre": ["events"], "redo_post": ["index", "meshes", "update", "slice_pictures", "shown", "store"],
+        "index", "image_changes", "meshes", "slice_pictures", "update", "shown", "live", "work", "store"],
+    "frame_change_post": ["meshes", "slice_pictures", "over_render", "update", "shown", "work"],
+    "load_post": ["source_paths", "index", "migration", "slice_pictures", "update", "picture_files", "shown"],
+    "load_pre": ["events"], "redo_post": ["index", "meshes", "slice_pictures", "update", "shown", "store"],
     "render_cancel": ["over_render"], "render_complete": ["over_render"],
     "render_init": ["world_render", "over_render"], "render_post": ["over_render"],
     "render_pre": ["world_render", "over_render"], "render_write": ["over_render"],
     "save_post": ["source_paths", "mesh_shadows", "picture_files"],
     "save_post_fail": ["source_paths", "mesh_shadows", "picture_files"],
     "save_pre": ["segments", "source_paths", "over_render", "mesh_shadows", "update", "picture_files"],
-    "undo_post": ["index", "meshes", "update", "slice_pictures", "shown", "store"],
+    "undo_post": ["index", "meshes", "slice_pictures", "update", "shown", "store"],
 }  # fmt: skip
 
 
