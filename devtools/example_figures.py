@@ -99,6 +99,9 @@ def command_lines(folder: Path) -> list[list[str]]:
           for quality in ("draft", "fine")),
         *(["render", str(turned), *FIRST, *more, "--size", "512", "-o", str(folder / f"{name}.png")]
           for name, more in (("out", ()), ("side", (*TURNED, *LIT, _sun_of_the_tutorial(folder))))),
+        ["render", str(turned), "--frames", "1", "4", "--turn", "30", "--fit", "0.95", "--size", str(SMALL), "--quality",
+         "fine", "-o", str(folder / "turn.png")],
+        ["figure", str(turned), *TURNED, "-o", str(folder / "first-figure.png")],
         ["render", *skull, *OBLIQUE, "--size", str(SMALL), "-o", str(folder / "whole.png")],
         ["render", *skull, *OBLIQUE, "--size", str(SMALL), "--level", "2", "-o", str(folder / "coarse.png")],
         ["render", *skull, *OBLIQUE, "--size", str(POSTER), "--crop", *map(str, EYE), *(str(at + SMALL) for at in EYE),
@@ -195,6 +198,11 @@ def from_parts(folder: Path) -> None:
     """The pictures that are put together from others."""
     whole, coarse, part = (Image.open(folder / f"{name}.png").convert("RGBA") for name in ("whole", "coarse", "part"))
     beside(folder, "how-to-coarse", {"--level 2": coarse, "All voxels": whole})
+    turned = [f"turn_{number:04}.png" for number in range(1, 5)]
+    beside(folder, "how-to-frames", {name: Image.open(folder / name) for name in turned}, across=4)
+    figure = Image.open(folder / "first-figure.png").convert("RGB")
+    figure.thumbnail((800, 1200), Image.Resampling.LANCZOS)
+    save_jpeg(figure, folder / "first-figure.jpg", MOST_BYTES)
     beside(folder, "first-picture", {f"{name}.png": Image.open(folder / f"{name}.png") for name in ("out", "side")})
     framed, scale = whole.copy(), SMALL / POSTER
     corners = [scale * at for at in (*EYE, EYE[0] + SMALL, EYE[1] + SMALL)]

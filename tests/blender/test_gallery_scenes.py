@@ -13,7 +13,7 @@ ROOT = Path(__file__).resolve().parents[2]
 DATA = Path(os.environ.get("RLE_SPLAT_DATA") or ROOT / "../shared/data")
 SCANS = {  # scene -> a scan that is not named as in the scene, and segments of the scene that are shown
     "heart": ("cta_aorta_labels/cta_heart_aorta_120x126x164_int16.nii.gz",
-              {"Right Heart", "Left Heart", "False Lumen", "Bones", "Stent"}),
+              {"Heart", "aorta_false_lumen"}),
     "skull": ("dicom_ct_skull_phantom_512x512x140/I100", {"Body"}),
 }  # fmt: skip
 
