@@ -99,8 +99,8 @@ def command_lines(folder: Path) -> list[list[str]]:
           for quality in ("draft", "fine")),
         *(["render", str(turned), *FIRST, *more, "--size", "512", "-o", str(folder / f"{name}.png")]
           for name, more in (("out", ()), ("side", (*TURNED, *LIT, _sun_of_the_tutorial(folder))))),
-        ["render", str(turned), "--frames", "1", "4", "--turn", "30", "--fit", "0.95", "--size", str(SMALL), "--quality",
-         "fine", "-o", str(folder / "turn.png")],
+        ["render", str(turned), "--frames", "1", "4", "--turn", "30", "--fit", "0.95", "--quality", "fine",
+         "--size", str(SMALL), "-o", str(folder / "turn.png")],
         ["figure", str(turned), *TURNED, "-o", str(folder / "first-figure.png")],
         ["render", *skull, *OBLIQUE, "--size", str(SMALL), "-o", str(folder / "whole.png")],
         ["render", *skull, *OBLIQUE, "--size", str(SMALL), "--level", "2", "-o", str(folder / "coarse.png")],
