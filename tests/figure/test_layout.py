@@ -211,7 +211,7 @@ def test_the_caption_says_how_far_surfaces_are_smoothed(drawing, balls):
         style = replace(drawing.style, caption=None)
         scene = drawing.scene(balls(), style)
         function = replace(scene.transfer_function, shade=Shade(**shade) if shade else None)
-        page = make_figure(replace(scene, transfer_function=function), quality=quality, style=style, frame=False).page
+        page = make_figure(replace(scene, transfer_function=function), quality=quality, style=style, fill=False).page
         return " ".join(item.text for item in page.items if isinstance(item, Text))
 
     assert " Surfaces smoothed by 1.5\u00a0mm for light. " in caption(smoothness=1.5)
@@ -404,7 +404,7 @@ def test_what_is_visible_fills_the_pictures_at_one_scale(drawing, balls):
     assert shares[0][1] == pytest.approx(1.0 / 1.16, abs=0.04), "the widest fills its picture, with room for letters"
     assert shares[0][1] / shares[1][1] == pytest.approx(16.0 / 5.0, rel=0.15), "the other has the same scale"
     assert made.figure.style.aspect == 1.5
-    unmoved = make_figure(front, style=drawing.style, quality=Quality.preset("draft"), frame=False)
+    unmoved = make_figure(front, style=drawing.style, quality=Quality.preset("draft"), fill=False)
     assert np.array_equal(unmoved.figure.panels[0].scene.camera.matrix_world, front.camera.matrix_world)
 
 
