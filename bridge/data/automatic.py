@@ -1,7 +1,5 @@
 """Checkboxes for numbers of which one value means something else, so that panels show a word instead of that number."""
 
-from ..translations import with_unit
-
 
 def switch(name: str, special: float, other: float, *, when_special: bool = True) -> dict:
     """Keyword arguments ``get`` and ``set`` of a BoolProperty that says whether a number has its special value.
@@ -28,7 +26,7 @@ def switch(name: str, special: float, other: float, *, when_special: bool = True
     return {"get": get, "set": put}
 
 
-def draw_number(layout, data, name: str, switch: str, text: str = "", unit: str = "") -> None:
+def draw_number(layout, data, name: str, switch: str, text: str = "", unit: str | None = None) -> None:
     """Draw a number that a checkbox makes automatic: the checkbox alone, or both.
 
     Parameters
@@ -37,10 +35,10 @@ def draw_number(layout, data, name: str, switch: str, text: str = "", unit: str 
         The number, and the checkbox of ``switch``, whose label says what it makes of the number.
     text : str
         In place of the number's name, where that would be cut off.
-    unit : str
-        Of the number; in brackets after its name.
+    unit : str, optional
+        Of the number, in brackets. It stands below the name, since both would be too long for a narrow sidebar.
     """
-    column = layout.column(align=True, heading=with_unit(text or data.rna_type.properties[name].name, unit))
+    column = layout.column(align=True, heading=text or data.rna_type.properties[name].name)
     column.prop(data, switch)
     if not getattr(data, switch):
-        column.prop(data, name, text=" ")
+        column.prop(data, name, text=unit or " ", translate=False)
