@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import re
+from dataclasses import fields, is_dataclass
 
 import rle_splat
 
@@ -37,10 +38,13 @@ def python() -> str:
 def _parameters(value) -> str:
     """The parameters of a function as they are typed, without annotations: numpydoc has the types."""
     found = []
+    made = {one.name: one.default_factory for one in fields(value)} if is_dataclass(value) else {}
     for one in inspect.signature(value).parameters.values():
         if one.kind is one.KEYWORD_ONLY and "*" not in found:
             found.append("*")
         default = "" if one.default is one.empty else f"={one.default!r}"
+        if default == "=<factory>":
+            default = f"={made[one.name].__name__}" + "()" * isinstance(made[one.name], type)
         found.append({one.VAR_POSITIONAL: "*", one.VAR_KEYWORD: "**"}.get(one.kind, "") + one.name + default)
     return f"({', '.join(found)})"
 

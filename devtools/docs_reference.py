@@ -53,6 +53,7 @@ BLENDERS = {  # what Blender declares, by the name in a panel
     "use_lock_interface": ("Lock Interface", "Lock Blender's window during renders. Without this, Blender may crash."),
 }
 FILES = {"ImportHelper": "The file to read", "ExportHelper": "The file to write"}  # Blender's bases that have filepath
+OF_VOLUME = "The file, or the folder of a DICOM series"  # of operators that read a volume
 FILE_OPTIONS_AT = "RLE_SPLAT_OT_import_volume"  # the operator that lists the options of a file for all
 GROUPS = {  # a property group -> how a script reaches it
     "SceneSettings": "scene.rle_splat",
@@ -308,11 +309,12 @@ def operators() -> str:
     for one in sorted(_of_kind("RLE_SPLAT_OT_"), key=lambda one: _text(one, "bl_label")):
         tooltip = _text(one, "bl_description") or one.doc
         parts += [f"## {_text(one, 'bl_label')}", f"`bpy.ops.{_text(one, 'bl_idname')}()`. {sentence(tooltip)}"]
-        properties = _properties(one)
+        properties, inherited = _properties(one), {part.name for part in _with_bases(one)}
         for base in FILES.keys() & set(one.bases):
-            path = {"name": "File Path", "kind": "string", "description": FILES[base]}
+            path = {"name": "File Path", "kind": "string",
+                    "description": OF_VOLUME if "ReadsFiles" in inherited else FILES[base]}  # fmt: skip
             properties = {"filepath": dict.fromkeys(("default", "range", "choices"), "") | path} | properties
-        if one.name != FILE_OPTIONS_AT and "SourceOptions" in (part.name for part in _with_bases(one)):
+        if one.name != FILE_OPTIONS_AT and "SourceOptions" in inherited:
             properties = {name: entry for name, entry in properties.items()
                           if name not in blender_classes()["SourceOptions"].properties}  # fmt: skip
             parts.append("Also how the file is read: `shape` to `modality` of [Import Volume](#import-volume).")

@@ -35,14 +35,16 @@ class RLE_SPLAT_OT_add_lights(LoadsFirst, bpy.types.Operator):
         name="Recipe",
         description="Lights, and the settings that go with them",
         items=[
-            ("THREE", "Three Lights", "Add a key light from the upper left, a weak fill light and a bright rim light"),
-            ("BONE", "For Bone", "Add a sun from the upper left and a bluish rim light, for fractures and implants"),
-            ("SOFT", "Soft Lights", "Add two large soft lights from the left and the right, for anatomy"),
-            ("SKIN", "For Skin", "Add a warm light from the right and behind and a weaker one from the left, which "
-             "scatter in skin"),
-            ("SMOKE", "For Smoke", "Add an orange sun from the right and a blue one from the left"),
-            ("SPECIMEN", "For Specimens", "Add a sun from the left, which shows the texture of a surface, and a rim "
-             "light, for insects, shells and the like"),
+            ("THREE", "Three Lights", "Organs and vessels, to try first: a key light from the upper left, a weak fill "
+             "light and a bright rim light"),
+            ("BONE", "For Bone", "Skulls, fractures and implants: a sun from the upper left and a bluish rim light"),
+            ("SOFT", "Soft Lights", "Brains and folded surfaces, pictures for teaching: two large soft lights from the "
+             "left and the right"),
+            ("SKIN", "For Skin", "Heads and faces: a warm light from the right and behind and a weaker one from the "
+             "left, which scatter in skin"),
+            ("SMOKE", "For Smoke", "Smoke and clouds: an orange sun from the right and a blue one from the left"),
+            ("SPECIMEN", "For Specimens", "Insects, shells and engines: a sun from the left, which shows the texture "
+             "of a surface, and a rim light"),
         ],
     )  # fmt: skip
 

@@ -8,8 +8,9 @@ from ..bridge.scene import render_scene
 from ..bridge.scene.callouts import MARK, POINT, SEGMENT
 from ..bridge.translations import filled
 from ..bridge.volumes import volumes
-from ..rle_splat.figure.names import find_segments, in_words
+from ..rle_splat.figure.names import find_segments
 from ..rle_splat.figure.plan import Name
+from ..rle_splat.figure.words import in_words
 from ..rle_splat.scene import RleSplatError
 from ..rle_splat.segment.label_map import BACKGROUND
 from .callout_objects import Callout, callouts_of, labels_in_picture, lay_out

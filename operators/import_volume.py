@@ -116,7 +116,8 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
         "word seg, label or segmentation", default=False, options={"SKIP_SAVE"})  # fmt: skip
     hide_table: BoolProperty(
         name="Hide Table", description="In a CT, find the body and hide the table or the head holder if the transfer "
-        "function shows it. The Segments panel shows it again", default=False, options={"SKIP_SAVE"})  # fmt: skip
+        "function shows it. Show Table Again in the panel Volume shows it", default=False,
+        options={"SKIP_SAVE"})  # fmt: skip
 
     @classmethod
     def poll(cls, context):

@@ -13,12 +13,12 @@ from ..bridge.volumes.source_paths import resolved_path
 from .reading import ReadsFiles
 from .refusal import has_editable_volume
 
-AS_BEFORE = "Read the volume's file again, with the options of the import"
+AS_BEFORE = "Read the volume's file again with the same options"
 WITH_OTHERS = "Read the volume's file again with other options, such as spacing, unit, orientation and flips"
 
 
 class RLE_SPLAT_OT_reload_volume(ReadsFiles, source_options.SourceOptions, bpy.types.Operator):
-    """Read the volume's file again, with the options of the import or with others"""
+    """Read the volume's file again: Reload with the same options, Edit with others"""
 
     bl_idname = "rle_splat.reload_volume"
     bl_label = "Reload Volume"

@@ -3,6 +3,7 @@
 import bpy
 from bpy.props import IntProperty
 
+from ..bridge.translations import filled
 from ..bridge.volumes import labels, volumes
 from .refusal import has_editable_volume, has_segments, needs, refuse
 
@@ -43,7 +44,8 @@ class RLE_SPLAT_OT_show_segment_alone(bpy.types.Operator):
     def execute(self, context):
         rows = volumes.volume_object(context).rle_splat.labels
         if self.label not in [row.label for row in rows]:
-            return refuse(self, f"The label file has no label {self.label}; choose one from the list.")
+            said = filled("The segmentation file has no segment {number}; choose one from the list.", number=self.label)
+            return refuse(self, said)
         is_alone = all(row.show == (row.label == self.label) for row in rows)
         for row in rows:
             row.show = is_alone or row.label == self.label

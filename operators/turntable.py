@@ -47,7 +47,7 @@ def _note_cancel(*_arguments):
 
 class RLE_SPLAT_OT_turntable(ExportHelper, bpy.types.Operator):
     """Render an animation of a camera that turns about the volume, or of the active camera's own motion, as a movie or
-    as pictures. Output settings and camera of the scene stay as they are"""
+    as pictures. Output settings and camera of the scene stay as they are; with Render off, the new camera is active"""
 
     bl_idname = "rle_splat.turntable"
     bl_label = "Turntable"

@@ -53,8 +53,8 @@ def _draw_one(context, layout, one) -> None:
     is_active = context.view_layer.objects.active == one
     icon = "MESH_CUBE" if _is_box(one) else "MESH_PLANE"
     row.operator("rle_splat.choose_object", text=one.name, icon=icon, emboss=is_active).name = one.name
-    is_alone = one.rle_splat.clip_only_parent
-    row.prop(one.rle_splat, "clip_only_parent", text="", icon="SOLO_ON" if is_alone else "SOLO_OFF")
+    is_linked = one.rle_splat.clip_only_parent
+    row.prop(one.rle_splat, "clip_only_parent", text="", icon="LINKED" if is_linked else "UNLINKED")
     row.prop(one.rle_splat, "clip_flipped", text="", icon="ARROW_LEFTRIGHT")
     row.operator("rle_splat.delete_cutting_object", text="", icon="X", emboss=False).name = one.name
 

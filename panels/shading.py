@@ -35,7 +35,8 @@ class RLE_SPLAT_PT_shading(OfVolume, bpy.types.Panel):
         layout.prop(properties, "use_shading")
         column = layout.column()
         column.active = properties.use_shading and not is_pre_classified(settings)
-        draw_number(column, properties, "smoothness", "use_automatic_smoothness", text="Smoothness")
+        unit = f"({properties.length_unit})"
+        draw_number(column, properties, "smoothness", "use_automatic_smoothness", "Smoothness", unit)
         column = layout.column(align=True)
         column.active = properties.use_shading
         for name in ("ambient", "diffuse", "specular", "shininess", "highlight", "two_sided"):

@@ -5,8 +5,8 @@ import bpy
 from ..bridge.live import slice_pictures, slice_places, slices
 from ..bridge.translations import filled, with_unit
 from ..bridge.volumes import volumes
-from ..operators.window_level import ITEMS as WINDOW_ITEMS
 from .places import Sidebar, paragraph
+from .transfer import draw_windows
 
 NAME_SHARE = 0.54  # of a row, for the name of a slice beside its place
 TRUE_GRAYS = "Standard", "Raw"  # view transforms
@@ -80,7 +80,4 @@ class RLE_SPLAT_MT_slice_windows(bpy.types.Menu):
     bl_label = "Window and Level of Slices"
 
     def draw(self, _context):
-        for name, label, _description in WINDOW_ITEMS:
-            if name != "CUSTOM":
-                one = self.layout.operator("rle_splat.window_level", text=label)
-                one.preset, one.of_slices = name, True
+        draw_windows(self.layout, of_slices=True)

@@ -6,7 +6,7 @@ from ..bridge import linked
 from ..bridge.look import transfer, transfer_nodes
 from ..bridge.translations import filled, with_unit
 from ..bridge.volumes import encoded, volumes
-from ..operators.window_level import ITEMS as WINDOW_ITEMS
+from ..operators.window_level import CT_WINDOWS, ITEMS
 from .histogram import draw_curve
 from .places import DataTab, OfVolume, paragraph
 
@@ -15,12 +15,19 @@ class RLE_SPLAT_MT_windows(bpy.types.Menu):
     bl_label = "Window and Level"
 
     def draw(self, _context):
-        for name, label, _description in WINDOW_ITEMS:
-            if name != "CUSTOM":
-                self.layout.operator("rle_splat.window_level", text=label).preset = name
+        draw_windows(self.layout)
         self.layout.separator()
         wider = self.layout.operator("rle_splat.window_level", text="Show All Values, Keep Colors")
         wider.preset, wider.keep_values = "DATA", True
+
+
+def draw_windows(layout, of_slices: bool = False) -> None:
+    """The common windows in a menu, each with its level and window."""
+    for name, label, _description in ITEMS[1:]:
+        _, level, width = CT_WINDOWS.get(name, ("", None, None))
+        numbers = "" if level is None else filled("L {level}, W {width}", level=f"{level:g}", width=f"{width:g}")
+        one = layout.operator("rle_splat.window_level", text=with_unit(label, numbers), translate=False)
+        one.preset, one.of_slices = name, of_slices
 
 
 class ColorPanel:

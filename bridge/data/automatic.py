@@ -26,7 +26,7 @@ def switch(name: str, special: float, other: float, *, when_special: bool = True
     return {"get": get, "set": put}
 
 
-def draw_number(layout, data, name: str, switch: str, text: str = "") -> None:
+def draw_number(layout, data, name: str, switch: str, text: str = "", unit: str | None = None) -> None:
     """Draw a number that a checkbox makes automatic: the checkbox alone, or both.
 
     Parameters
@@ -35,8 +35,10 @@ def draw_number(layout, data, name: str, switch: str, text: str = "") -> None:
         The number, and the checkbox of ``switch``, whose label says what it makes of the number.
     text : str
         In place of the number's name, where that would be cut off.
+    unit : str, optional
+        Of the number, in brackets. It stands below the name, since both would be too long for a narrow sidebar.
     """
     column = layout.column(align=True, heading=text or data.rna_type.properties[name].name)
     column.prop(data, switch)
     if not getattr(data, switch):
-        column.prop(data, name, text=" ")
+        column.prop(data, name, text=unit or " ", translate=False)

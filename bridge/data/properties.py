@@ -149,7 +149,7 @@ class SceneSettings(bpy.types.PropertyGroup):
         name="Quality", description="Balance of accuracy and time", items=QUALITY_ITEMS, default=USUAL.name,
         translation_context=OURS)  # fmt: skip
     max_error: LiveFloat(
-        name="Maximum Error", default=0.0, min=0.0, soft_max=16.0, precision=2,
+        name="Maximum Error (8-Bit Steps)", default=0.0, min=0.0, soft_max=16.0, precision=2,
         description="Largest allowed error of a color, in 8-bit steps, of which 255 lead from black to white. "
         "The picture's error is measured and reported")  # fmt: skip
     use_max_error: BoolProperty(

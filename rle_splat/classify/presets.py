@@ -64,8 +64,10 @@ _ROWS = (
     Preset("ct-industrial", "CT Industrial", "CT", "parts of machines in gray, brighter where they are denser"),
     Preset("ct-botanical", "CT Botanical", "CT", "leaves, stems and wood of plants"),
     Preset("ct-specimen", "CT Specimen", "CT", "a specimen of soft and hard parts, from red to ivory"),
-    Preset("mr-head", "MR Head", "MR", "the head from outside; clipped faces show the inside"),
-    Preset("mr-brain", "MR Brain", "MR", "gray and white matter of a brain without skull"),
+    Preset(
+        "mr-head", "MR Head", "MR", "the head from outside; clipped faces show the inside; sets Smoothness to 1.6 mm"
+    ),
+    Preset("mr-brain", "MR Brain", "MR", "gray and white matter of a brain without skull; sets Smoothness to 1.6 mm"),
     Preset("mr-angiography", "MR Angio", "MR", "bright vessels"),
     Preset("mr-mip", "MR MIP", "MR", "bright vessels in gray, for MIP"),
     Preset("faint", "Faint", None, "everything, faintly, unshaded, like a radiograph"),
@@ -73,7 +75,9 @@ _ROWS = (
     Preset("xa-limb", "C-Arm Limb", "XA", "bones in soft tissue, from a rotational X-ray of a C-arm"),
     Preset("smoke", "Smoke", "SMOKE", "gray smoke from thin to dense"),
     Preset("pet", "PET", "PT", "uptake in inverted gray, black from SUV 10 on, for a white background"),
-    Preset("pet-hot", "PET Hot", "PT", "uptake above SUV 1.5 from dark red to yellow, over a CT or a dark background"),
+    Preset(
+        "pet-hot", "PET Hot", "PT", "uptake above SUV 1.5 from dark red to pale yellow, over a CT or a dark background"
+    ),
     Preset("isodose", "Isodose", "RTDOSE", "steps of a dose at 30, 50, 70, 80, 90 and 95% of its maximum"),
 )
 PRESETS = {row.name: row for row in _ROWS}

@@ -52,8 +52,8 @@ def add_mixing_options(parser) -> None:
     group.add_argument(
         "--keep-table",
         action="store_true",
-        help="show the table or the head holder of a CT; without this, --labels or --tolerance it is "
-        "hidden if at least 0.6%% of the voxels shown lie beside the body",
+        help="show the table or the head holder of a CT; without this, --labels, --tolerance or, for a figure, "
+        "--compare it is hidden if at least 0.6%% of the voxels shown lie beside the body",
     )
 
 

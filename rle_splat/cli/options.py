@@ -133,8 +133,8 @@ def add_report_options(parser) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--memory-limit", type=memory_size, metavar="SIZE",
-        help="the most memory to take, such as 2GiB or 800MiB; large pictures are then made in tiles; what needs more "
-             "gives an error; mapped files do not count",
+        help="the most memory to take, such as 2GiB or 800MiB; what cannot be made within it gives an error; mapped "
+             "files do not count",
     )  # fmt: skip
 
 

@@ -12,7 +12,7 @@ from ..segment.body import NAMES
 from ..segment.label_map import BACKGROUND
 from . import scale
 from .color_bar import Lines, color_bar
-from .directions import NO_BREAK, WORDS, cube, edge_letters, knows_sides, letter_texts
+from .directions import NO_BREAK, WORDS, cube, edge_letters, knows_sides, letter_texts, view_name
 from .lettering import check_text, text_width, wrap
 from .names import name_items
 from .page import MM_PER_POINT, Fill, Page, Text, Tile
@@ -299,7 +299,7 @@ def _caption(draft: PageDraft, y: float) -> float:
 
 
 def automatic_caption(draft: PageDraft) -> str:
-    """What is seen: window and level or transfer function, voxels, projection, letters of the patient's sides."""
+    """What is seen: window and level or transfer function, voxels, view, projection, letters of the patient's sides."""
     scenes = [panel.scene for panel in draft.figure.panels]
     first = scenes[0]
     sentences = []
@@ -327,7 +327,10 @@ def automatic_caption(draft: PageDraft) -> str:
         sentences.append(f"Surfaces smoothed by {' and '.join(smoothed)} for light.")
     kinds = {"ORTHO": "Orthographic", "PERSP": "Perspective"}
     found = list(dict.fromkeys(kinds[scene.camera.type] for scene in scenes))
-    sentences.append(f"{' and '.join(found)} projection.".capitalize())
+    views = {view_name(scene) for scene in scenes}
+    view = views.pop() if len(views) == 1 else ""  # several views have their titles
+    projection = f"{' and '.join(found)} projection."
+    sentences.append(f"{view}, {projection.lower()}" if view else projection.capitalize())
     letters = _letters_used(draft, scenes)
     if letters:
         named = (f"{letter}{NO_BREAK}{WORDS[letter]}" for letter in WORDS if letter in letters)

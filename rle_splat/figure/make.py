@@ -53,7 +53,7 @@ class MadeFigure:
 
 def make_figure(
     scenes: Scene | Sequence[Scene], titles: Sequence[str] = (), style: FigureStyle | None = None,
-    quality: Quality | QualityName | None = None, *, frame: bool = True, names: bool = False,
+    quality: Quality | QualityName | None = None, *, fill: bool = True, names: bool = False,
 ) -> MadeFigure:  # fmt: skip
     """Make a figure for print: pictures with letters, scale bar, color bar and caption.
 
@@ -67,7 +67,7 @@ def make_figure(
         Sizes, colors and lettering. Left out, ``FigureStyle()``.
     quality : Quality or str, optional
         As ``render`` takes it.
-    frame : bool
+    fill : bool
         Whether orthographic views are moved and get one scale at which what is visible fills the pictures; else they
         are those of the cameras.
     names : bool
@@ -93,7 +93,7 @@ def make_figure(
         Panel(replace(scene, **pixels), title, names_of(scene) if names else ()) for scene, title in zip(scenes, titles)
     )
     figure, cache = Figure(panels, style), StageCache()
-    if frame:
+    if fill:
         figure = drain(frame_steps(figure, cache))
     return drain(figure_steps(figure, [as_quality(quality)] * len(panels), cache))
 

@@ -13,6 +13,7 @@ from .lettering import text_width, wrap
 from .page import Fill, Stroke, Text
 from .plan import Name, Panel
 from .scale import pixels_per_world_unit
+from .words import in_words
 
 MOST = 4_000_000  # voxels that are looked at; of larger maps every second one, third one and so on
 CELL = 1.5  # side of the squares in which a voxel hides others, in distances of voxels
@@ -34,15 +35,6 @@ def names_of(scene: Scene) -> tuple[Name, ...]:
     hidden = {label for label, function in scene.labels.functions.items() if function is None}
     shown = sorted(named.keys() - hidden - {BACKGROUND})
     return tuple(Name(in_words(named[label]), label) for label in shown if named[label].strip(" _"))
-
-
-def in_words(name: str) -> str:
-    """The name of a segment as one reads it: ``kidney_left`` as "Left kidney", ``vertebrae_T12`` as "T12"."""
-    words = name.replace("_", " ").split()
-    if len(words) > 1 and words[0].lower() in ("vertebrae", "vertebra"):
-        words = words[1:]
-    words.sort(key=lambda word: word not in ("left", "right"))  # the side first
-    return words[0][0].upper() + " ".join(words)[1:]
 
 
 def find_segments(scene: Scene, labels) -> tuple[dict, tuple[float, float]]:

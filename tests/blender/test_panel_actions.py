@@ -190,7 +190,7 @@ def test_a_segment_is_shown_alone_and_then_all_again(segments, refused):
     for shown in ([False, True], [True, True], [False, True]):
         assert bpy.ops.rle_splat.show_segment_alone(label=3) == {"FINISHED"}
         assert [row.show for row in segments] == shown
-    refused(bpy.ops.rle_splat.show_segment_alone, "no label 2", label=2)
+    refused(bpy.ops.rle_splat.show_segment_alone, "no segment 2", label=2)
 
 
 def test_segments_are_colored_by_their_names(segments):

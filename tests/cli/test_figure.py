@@ -208,7 +208,7 @@ def test_letters_scale_bar_color_bar_and_caption(figure):
     texts = texts_of(figure("--orientation", "LPS", "--value-unit", "HU", "--scale-bar", "4", "--title", "Ball",
                             "--spacing", "0.5", "0.5", "0.5") / "fig.svg")  # fmt: skip
     assert {"R", "L", "S", "I", "4 mm", "Values in HU", "Ball", "Opacity per 0.5 mm"} <= set(texts)
-    assert "level" not in " ".join(texts) and "Orthographic" in " ".join(texts)
+    assert "level" not in " ".join(texts) and "Anterior view, orthographic projection." in " ".join(texts)
 
 
 def test_a_transparent_figure_and_a_linear_one(call, figure, raw):

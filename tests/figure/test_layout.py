@@ -12,7 +12,7 @@ import pytest
 
 from rle_splat.classify.presets import PRESETS, fit_preset, preset
 from rle_splat.classify.transfer_function import Shade
-from rle_splat.figure.directions import cube, edge_letters, view_name
+from rle_splat.figure.directions import NO_BREAK, cube, edge_letters, view_name
 from rle_splat.figure.framing import frame_steps
 from rle_splat.figure.layout import PageDraft, automatic_caption
 from rle_splat.figure.lettering import FONT, check_text, outlines_of, text_width, wrap
@@ -164,6 +164,21 @@ def test_a_figure_of_text_and_pictures_stays_within_its_page(drawing, balls):
             assert left >= 0.0 and left + width <= wide and item.size <= item.y <= tall, item
     caption = " ".join(item.text for item in page.items if isinstance(item, Text) and item.x == 1.0)
     assert "indow" not in caption and "20 × 12 × 14 voxels of 1 × 1 × 1\u00a0mm" in caption
+    assert " Orthographic projection. " in caption, "each view has its title"
+
+
+def test_the_caption_names_a_view_that_all_pictures_have(drawing, balls):
+    def caption(*scenes):
+        return automatic_caption(PageDraft(Figure(tuple(map(Panel, scenes)), drawing.style)))
+
+    volume = balls(space="patient")
+    front, left = (drawing.scene(volume, view={"azimuth": azimuth}) for azimuth in (0.0, 90.0))
+    other = replace(front, transfer_function=preset("ct-bone"))
+    assert all(" Anterior view, orthographic projection. " in caption(*one) for one in ((front,), (front, other)))
+    above = drawing.scene(volume, view={"elevation": 30.0, "perspective": True})
+    assert f" Anterior view, cranial{NO_BREAK}30°, perspective projection. " in caption(above)
+    for scenes in ((front, left), (drawing.scene(),)):  # several views, and sides that are not known
+        assert "view" not in caption(*scenes)
 
 
 @pytest.mark.parametrize(
@@ -196,7 +211,7 @@ def test_the_caption_says_how_far_surfaces_are_smoothed(drawing, balls):
         style = replace(drawing.style, caption=None)
         scene = drawing.scene(balls(), style)
         function = replace(scene.transfer_function, shade=Shade(**shade) if shade else None)
-        page = make_figure(replace(scene, transfer_function=function), quality=quality, style=style, frame=False).page
+        page = make_figure(replace(scene, transfer_function=function), quality=quality, style=style, fill=False).page
         return " ".join(item.text for item in page.items if isinstance(item, Text))
 
     assert " Surfaces smoothed by 1.5\u00a0mm for light. " in caption(smoothness=1.5)
@@ -389,7 +404,7 @@ def test_what_is_visible_fills_the_pictures_at_one_scale(drawing, balls):
     assert shares[0][1] == pytest.approx(1.0 / 1.16, abs=0.04), "the widest fills its picture, with room for letters"
     assert shares[0][1] / shares[1][1] == pytest.approx(16.0 / 5.0, rel=0.15), "the other has the same scale"
     assert made.figure.style.aspect == 1.5
-    unmoved = make_figure(front, style=drawing.style, quality=Quality.preset("draft"), frame=False)
+    unmoved = make_figure(front, style=drawing.style, quality=Quality.preset("draft"), fill=False)
     assert np.array_equal(unmoved.figure.panels[0].scene.camera.matrix_world, front.camera.matrix_world)
 
 

@@ -7,9 +7,10 @@ import pytest
 
 from rle_splat.figure.lettering import text_width
 from rle_splat.figure.make import figure_steps, make_figure
-from rle_splat.figure.names import find_names, in_words, names_of
+from rle_splat.figure.names import find_names, names_of
 from rle_splat.figure.page import Fill, Text, Tile
 from rle_splat.figure.plan import Figure, FigureStyle, Name, Panel
+from rle_splat.figure.words import in_words
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import Clip, Labels, Quality, RleSplatError
 from rle_splat.volume.volume import Volume
@@ -109,7 +110,22 @@ def test_names_stand_beside_what_is_visible_and_not_on_one_another(scene):
 
 
 def test_names_in_words():
-    words = {"vertebrae_T12": "T12", "kidney_left": "Left kidney", "aorta": "Aorta", "vertebra": "Vertebra"}
+    words = {
+        "vertebrae_T12": "T12", "kidney_left": "Left kidney", "aorta": "Aorta", "vertebra": "Vertebra",
+        "heart_atrium_left": "Left atrium", "lung_upper_lobe_left": "Upper lobe of left lung",
+        "rib_left_1": "Left 1st rib", "rib_right_12": "Right 12th rib", "iliac_vena_left": "Left iliac vein",
+        "iliac_artery_left": "Left iliac artery", "autochthon_left": "Left autochthonous back muscles",
+        "gluteus_maximus_left": "Left gluteus maximus", "portal_vein_and_splenic_vein": "Portal and splenic veins",
+        "kidney_cyst_left": "Cyst of left kidney", "vertebrae_body": "Vertebral bodies", "small_bowel": "Small bowel",
+        "thigh_medial_compartment_left": "Medial compartment of left thigh", "teeth_lower": "Lower teeth",
+        "ventricle_body_right": "Body of right lateral ventricle", "hip_implant": "Hip implant",
+        "upper_left_canine_fdi23": "Upper left canine (23)", "upper_left_canine_pulp_fdi123": "Upper left canine pulp",
+    }  # fmt: skip
+    of_other_programs = {
+        "Left-Hippocampus": "Left-Hippocampus", "heart ventricle left": "Left heart ventricle", "Vertebra_L1": "L1",
+        "hip": "Hip", "rib 5": "Rib 5", "Lung_L": "Lung L", "ventricle wall left": "Left ventricle wall",
+    }  # fmt: skip
+    words |= of_other_programs
     assert {name: in_words(name) for name in words} == words
 
 
