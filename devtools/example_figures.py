@@ -43,7 +43,7 @@ LIT = "--shadows", "--world", "0.15", "0.15", "0.18", "--ambient-occlusion", "1"
 CLOSE = ("--azimuth", "30", "--elevation", "20", "--fit", "0.42", "--size", "400")
 CROPS = {  # of the README: photographs of windows, and the part of each
     "readme-live": ("how-to-live", (240, 85, 900, 580)),
-    "readme-slice": ("how-to-window", (228, 47, 748, 437)),
+    "readme-slice": ("how-to-window", (194, 47, 750, 464)),
 }
 STEPS = (  # of the strip, after the slices: captions, pictures of the documentation, and the part of each
     ("Bone", "tutorial-3-preset", (230, 304, 790, 724)),
@@ -99,7 +99,7 @@ def command_lines(folder: Path) -> list[list[str]]:
           for quality in ("draft", "fine")),
         *(["render", str(turned), *FIRST, *more, "--size", "512", "-o", str(folder / f"{name}.png")]
           for name, more in (("out", ()), ("side", (*TURNED, *LIT, _sun_of_the_tutorial(folder))))),
-        ["render", str(turned), "--frames", "1", "4", "--turn", "30", "--fit", "0.95", "--quality", "fine",
+        ["render", str(turned), "--frames", "1", "4", "--turn", "30", "--fit", "1.1", "--quality", "fine",
          "--size", str(SMALL), "-o", str(folder / "turn.png")],
         ["figure", str(turned), *TURNED, "-o", str(folder / "first-figure.png")],
         ["render", *skull, *OBLIQUE, "--size", str(SMALL), "-o", str(folder / "whole.png")],
