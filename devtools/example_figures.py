@@ -43,7 +43,7 @@ LIT = "--shadows", "--world", "0.15", "0.15", "0.18", "--ambient-occlusion", "1"
 CLOSE = ("--azimuth", "30", "--elevation", "20", "--fit", "0.42", "--size", "400")
 CROPS = {  # of the README: photographs of windows, and the part of each
     "readme-live": ("how-to-live", (240, 85, 900, 580)),
-    "readme-slice": ("how-to-window", (194, 47, 750, 464)),
+    "readme-slice": ("how-to-window", (0, 47, 800, 464)),
 }
 STEPS = (  # of the strip, after the slices: captions, pictures of the documentation, and the part of each
     ("Bone", "tutorial-3-preset", (230, 304, 790, 724)),
@@ -239,7 +239,8 @@ def crops() -> None:
     """readme-live.jpg and readme-slice.jpg: the views alone of two photographs of windows."""
     images = ROOT / "docs" / "images"
     for name, (source, part) in CROPS.items():
-        shown = Image.open(images / f"{source}.jpg").crop(part).resize((700, 525))
+        shown = Image.open(images / f"{source}.jpg").crop(part)
+        shown.thumbnail((700, 700), Image.Resampling.LANCZOS)
         save_jpeg(shown, images / f"{name}.jpg", MOST_BYTES)
 
 

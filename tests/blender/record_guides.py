@@ -89,7 +89,8 @@ def window_tool():
         ours.slices_follow_window, ours.slice_center, ours.slice_width = False, *MEDIASTINUM
         bpy.ops.rle_splat.use_window_tool()
     bpy.context.scene.view_settings.view_transform = "Standard"  # leaves gray values as they are
-    view.overlay.show_text = view.overlay.show_outline_selected = view.overlay.show_extras = False
+    overlay = view.overlay
+    overlay.show_text = overlay.show_outline_selected = overlay.show_extras = overlay.show_object_origins = False
     volume.select_set(False)
     view.region_3d.view_perspective = "ORTHO"
     look_from(180.0, 0.0, 0.62)
