@@ -101,7 +101,7 @@ def command_lines(folder: Path) -> list[list[str]]:
           for name, more in (("out", ()), ("side", (*TURNED, *LIT, _sun_of_the_tutorial(folder))))),
         ["render", str(turned), "--frames", "1", "4", "--turn", "30", "--fit", "1.1", "--quality", "fine",
          "--size", str(SMALL), "-o", str(folder / "turn.png")],
-        ["figure", str(turned), *TURNED, "-o", str(folder / "first-figure.png")],
+        ["figure", str(turned), *TURNED, "--quality", "fine", "-o", str(folder / "first-figure.png")],
         ["render", *skull, *OBLIQUE, "--size", str(SMALL), "-o", str(folder / "whole.png")],
         ["render", *skull, *OBLIQUE, "--size", str(SMALL), "--level", "2", "-o", str(folder / "coarse.png")],
         ["render", *skull, *OBLIQUE, "--size", str(POSTER), "--crop", *map(str, EYE), *(str(at + SMALL) for at in EYE),

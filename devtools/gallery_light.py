@@ -24,7 +24,7 @@ BARE = {
     "header_bytes": 0,
     "spacing": (1.0, 1.0, 1.4),
 }
-LOWEST = {AORTA: 130.0, LOBSTER: 40.0}  # values of the part that is kept
+LOWEST = {AORTA: 290.0, LOBSTER: 40.0}  # values of the part that is kept
 
 
 @dataclass(frozen=True)

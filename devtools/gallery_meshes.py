@@ -91,7 +91,7 @@ def meshes(stage: Stage):
     pane = named("Pane", glass)
     pane.matrix_world = Matrix.Translation(at(0.03, -0.64, ground + 0.4)) @ Matrix.Diagonal((0.4, 0.012, 0.8, 1.0))
     toward = (-0.95, -2.15, 0.8)
-    stage.camera(toward, lens=46.0, aim=(0.0, 0.0, -0.14))
+    stage.camera(toward, lens=57.0, aim=(0.0, 0.0, -0.07))
     stage.sweep(toward, ground, (0.08, 0.084, 0.092)).visible_shadow = False
     stage.lamp("Key", "SUN", 3.0, (-1.0, -0.6, 1.5), WARM, angle=math.radians(3.0))
     stage.area("Rim", 40.0, (1.4, 1.2, 0.9), COLD)

@@ -44,7 +44,7 @@ QUALITY_TEXTS = {
     "strict": (
         "Very Fine",
         "The most accurate; 3 to 5 times the time of Standard. With shadows or ambient occlusion, the first picture "
-        "takes at least 50 times as long",
+        "in a light takes about 50 times as long",
     ),
 }
 CLASSIFICATION_TEXTS = {

@@ -314,7 +314,11 @@ class VolumeProperties(Playback, SourceOptions, bpy.types.PropertyGroup):
         name="Gradient To", default=100.0, min=0.0, soft_max=1000.0, precision=2,
         description="Gradient at the right end of the curve")  # fmt: skip
     specular: LiveFloat(
-        name="Specular", default=0.2, min=0.0, soft_max=1.0, description="Brightness of the white highlights"
+        name="Specular",
+        default=0.2,
+        min=0.0,
+        soft_max=1.0,
+        description="Brightness of the highlights, in the color of the light",
     )
     shininess: LiveFloat(
         name="Shininess", default=20.0, min=1.0, soft_max=100.0,

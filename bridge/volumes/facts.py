@@ -59,7 +59,7 @@ def fact_lines(volume, file_name: str) -> list[str]:
     extent = (np.array(volume.shape_xyz) - 1) * volume.spacing
     before, behind = _of_values(volume) if volume.holds_values else _of_tables(volume)
     oriented = [f"Orientation: {short_orientation_text(volume.affine)}"] if volume.space == PATIENT else []
-    place = [f"Spacing: {_by(volume.spacing)} {unit}", f"Box: {_by(extent)} {unit}"]
+    place = [f"Spacing: {_by(volume.spacing)} {unit}", f"Extent: {_by(extent)} {unit}"]
     return [f"File: {file_name}", *before, *oriented, *place, *behind]
 
 
@@ -71,7 +71,7 @@ def _of_values(volume) -> tuple[list[str], list[str]]:
     if volume.modality:
         lines.insert(0, f"Modality: {volume.modality}")
     if volume.frames > 1:
-        lines.append(f"Frames: {volume.frames}")
+        lines.append(f"{'Time Points' if volume.frame_axis == 'time' else 'Volumes'}: {volume.frames}")
     return lines, [f"Values: {low:.6g} to {high:.6g}{value_unit}", f"In Memory: {bytes_text(volume.voxels.nbytes)}"]
 
 

@@ -25,6 +25,7 @@ LEVEL, WINDOW = 400.0, 1200.0  # HU
 DARK = (0.012, 0.016, 0.024)  # of the world
 GRADED, EXPOSURE = 45, 0.5  # the frame of the picture, which is one of the film's
 LIFT, GAIN = (0.99, 1.0, 1.015, 1.0), (1.12, 1.0, 0.88, 1.0)  # bluish shadows, warm lights
+PART = "520x390+210+170"  # of the frame, which the picture shows
 SAMPLES = 8  # of Cycles, which renders the faces of the cut and the world alone
 
 
@@ -99,7 +100,8 @@ def grade(scene):
     with bpy.context.temp_override(scene=made):
         assert bpy.ops.render.render(write_still=True, scene=made.name) == {"FINISHED"}
     plain = os.path.join(folder, f"frame-{GRADED:04}")
-    subprocess.run(["convert", f"{plain}.png", f"{plain}.jpg"], check=True)
+    for one in (f"{plain}.png", os.path.join(folder, "graded.jpg")):
+        subprocess.run(["convert", one, "-crop", PART, "+repage", f"{os.path.splitext(one)[0]}.jpg"], check=True)
     beside(
         "film-graded", {"As rendered, Standard": os.path.basename(plain), "Graded, AgX with high contrast": "graded"}
     )

@@ -183,7 +183,7 @@ def test_a_frame_is_chosen_and_kept(tmp_path, bridge, nibabel):
     bridge("volumes.volumes").forget_all()
     voxels = bridge("volumes.volumes").load_volume(owner).voxels
     np.testing.assert_array_equal(voxels.transpose(2, 1, 0), values[..., 3])
-    assert "Frames: 6" in owner.rle_splat.facts
+    assert "Time Points: 6" in owner.rle_splat.facts
 
 
 def test_bad_files_are_refused_in_a_sentence_and_change_nothing(nifti, refused, tmp_path):
