@@ -94,13 +94,10 @@ class RLE_SPLAT_OT_drag_window(bpy.types.Operator):
 
     def _tell(self, context, properties) -> None:
         span = 0.0, self._drag.rate * 1000.0
-        labels = [properties.bl_rna.properties[name].name for name in slice_window.names(properties, self.of_slices)]
-        context.area.header_text_set(
-            ", ".join(
-                f"{pgettext_iface(label, OURS)} {value_text(value, *span, properties.value_unit)}"
-                for label, value in zip(labels, (self.center, self.width))
-            )
-        )
+        names = zip(slice_window.names(properties, self.of_slices), (self.center, self.width))
+        labels = ((pgettext_iface(properties.bl_rna.properties[name].name, OURS), value) for name, value in names)
+        texts = (f"{label} {value_text(value, *span, properties.value_unit)}" for label, value in labels)
+        context.area.header_text_set(", ".join(texts))
         context.workspace.status_text_set(KEYS)
         context.area.tag_redraw()
 

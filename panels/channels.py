@@ -30,7 +30,6 @@ class RLE_SPLAT_PT_channels(OfVolume, bpy.types.Panel):
         text = with_ellipsis("Add Channel from File")
         layout.operator("rle_splat.import_channel", text=text, icon="FILE_FOLDER").of_file = False
         if properties.frame_count > 1 and properties.playback == FIXED:
-            layout.operator(
-                "rle_splat.import_channel", text="Add Other Channels of This File", icon="COLOR"
-            ).of_file = True
+            text = "Add Other Channels of This File"
+            layout.operator("rle_splat.import_channel", text=text, icon="COLOR").of_file = True
         layout.operator("rle_splat.add_channels", icon="ADD")

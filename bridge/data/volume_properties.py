@@ -314,12 +314,8 @@ class VolumeProperties(Playback, SourceOptions, bpy.types.PropertyGroup):
         name="Gradient To", default=100.0, min=0.0, soft_max=1000.0, precision=2,
         description="Gradient at the right end of the curve")  # fmt: skip
     specular: LiveFloat(
-        name="Specular",
-        default=0.2,
-        min=0.0,
-        soft_max=1.0,
-        description="Brightness of the highlights, in the color of the light",
-    )
+        name="Specular", default=0.2, min=0.0, soft_max=1.0,
+        description="Brightness of the highlights, in the color of the light")  # fmt: skip
     shininess: LiveFloat(
         name="Shininess", default=20.0, min=1.0, soft_max=100.0,
         description="Sharpness of the highlights, the opposite of roughness: about 10 looks matte, 60 wet")  # fmt: skip

@@ -71,6 +71,7 @@ def test_a_coarser_grid_gives_the_nearest_label():
     assert (found.voxels[~inside] == 0).all()
     np.testing.assert_array_equal(found.voxels[inside], nearest(labels, SCAN)[inside])
     assert "another grid (4 x 5 x 2 voxels); each voxel takes the nearest label, and" in found.remarks[0]
+    np.testing.assert_array_equal(read_labels(labels, SCAN).voxels, found.voxels)
 
 
 def test_a_turned_grid_gives_the_nearest_label():
