@@ -1,5 +1,6 @@
 """The pictures of the page of lighting recipes: six scans under the light that an import leaves, and under the recipe;
-a brain whose lamps are added one by one (runs in an environment with bpy).
+a brain whose lamps are added one by one; a skull under HDRIs, before a backdrop, and cut out (runs in an environment
+with bpy).
 
 Every step is an operator or a setting that a user has, too.
 """
@@ -7,10 +8,11 @@ Every step is an operator or a setting that a user has, too.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import bpy
 from gallery_data import DATA
-from gallery_studio import Stage, view_transform
+from gallery_studio import Stage, hdri_world, view_transform
 from mathutils import Matrix
 
 SKULL, HEAD = "dicom_ct_skull_phantom_512x512x140", "t1_head_188x256x190_uint8.nii.gz"
@@ -43,9 +45,10 @@ class Recipe:
 
 
 OPAQUE = {"opacity_unit_distance": 0.05, "smoothness": 2.0, "shift_by": -100.0}  # mm, mm, HU: thin bone is whole
+FLOOR = -0.36  # below the middle of the skull, in sizes
 RECIPES = (
     Recipe(
-        "three lights",
+        "Three Lights",
         AORTA,
         "THREE",
         {"preset": "ct-angiography"},
@@ -55,39 +58,40 @@ RECIPES = (
         lens=57.0,
     ),
     Recipe(
-        "for bone",
+        "For Bone",
         SKULL,
         "BONE",
         {"preset": "ct-bone"},
         OPAQUE,
         aim=(0.0, 0.0, -0.06),
-        lens=72.0,
+        lens=77.0,
     ),
-    Recipe("soft lights", BRAIN, "SOFT", {"preset": "mr-brain"}, lens=84.0),
+    Recipe("Soft Lights", BRAIN, "SOFT", {"preset": "mr-brain"}, lens=92.0),
     Recipe(
-        "for skin",
+        "For Skin",
         HEAD,
         "SKIN",
         {"preset": "mr-head"},
         {"smoothness": 3.5, "specular": 0.0},
-        aim=(0.0, 0.0, -0.1),
-        lens=58.0,
+        toward=(0.75, -1.9, 0.15),
+        aim=(0.0, 0.0, -0.06),
+        lens=68.0,
     ),
     Recipe(
-        "for smoke",
+        "For Smoke",
         "smoke_fog.vdb",
         "SMOKE",
         aim=(0.0, 0.0, -0.08),
-        lens=80.0,
+        lens=78.0,
     ),
     Recipe(
-        "for specimens",
+        "For Specimens",
         LOBSTER,
         "SPECIMEN",
         {**BARE, "preset": "ct-specimen"},
         toward=(0.35, -1.2, 1.4),
         aim=(0.02, -0.1, 0.0),
-        lens=64.0,
+        lens=74.0,
     ),
 )
 
@@ -120,18 +124,18 @@ def lamps(stage: Stage):
     _ready(stage)
     bpy.ops.rle_splat.apply_preset(preset="mr-brain")
     stage.camera((0.9, -1.7, 0.35), 84.0)
-    yield "headlight"
+    yield "Headlight"
     bpy.ops.rle_splat.add_lights(kind="THREE")
     lights = [bpy.data.objects[name] for name in ("Key", "Fill", "Rim")]
     for one in lights:
         one.hide_render = True
     for one in lights:
         one.hide_render = False
-        yield one.name.lower()
+        yield one.name if one.name == "Key" else f"+ {one.name}"
 
 
 def light(stage: Stage):
-    """Each scan twice; yields NAME-before and NAME-after."""
+    """Each scan under the headlight, and under its recipe."""
     _ready(stage)
     for recipe in RECIPES:
         for one in list(bpy.data.objects):  # the scan before
@@ -152,8 +156,33 @@ def light(stage: Stage):
             setattr(volume.rle_splat, key, value)
         made.camera(recipe.toward, recipe.lens, recipe.aim)
         stage.volume = volume
-        yield f"{recipe.name}-before"
+        yield f"Headlight of {recipe.name}"
         bpy.ops.rle_splat.add_lights(kind=recipe.light)
-        yield f"{recipe.name}-after"
+        yield recipe.name
         stage.settings.ambient_occlusion = stage.settings.indirect_light = 0.0
         bpy.context.scene.world = None
+
+
+def worlds(stage: Stage):
+    """A skull under two HDRIs of Blender, before a backdrop, and cut out with its shadow."""
+    scene, ours = bpy.context.scene, stage.volume.rle_splat
+    _ready(stage)
+    bpy.ops.rle_splat.apply_preset(preset="ct-bone")
+    _without_holder()
+    for key, value in OPAQUE.items():
+        setattr(ours, key, value)
+    toward = (0.85, -1.75, 0.45)
+    stage.camera(toward, 62.0, aim=(0.0, 0.0, -0.08))
+    stage.settings.ambient_occlusion = 1.0
+    scene.cycles.samples, scene.render.film_transparent = 32, False
+    folder = Path(bpy.utils.system_resource("DATAFILES")) / "studiolights" / "world"
+    for name in ("Interior", "Sunset"):
+        hdri_world(folder / f"{name.lower()}.exr")
+        yield f"HDRI, {name}"
+    scene.world = None
+    floor = stage.sweep(toward, FLOOR, (0.16, 0.165, 0.175))
+    bpy.context.view_layer.objects.active = stage.volume
+    bpy.ops.rle_splat.add_lights(kind="BONE")
+    yield "Backdrop"
+    floor.is_shadow_catcher = scene.render.film_transparent = True
+    yield "Cut-Out"

@@ -17,19 +17,20 @@ from PIL import Image
 from .sheets import sheet
 
 MOST_BYTES = 450_000  # of a JPEG
-AFTER = "-after"  # ends the name of the second of a pair
-EDGE, CENTER = (17, 19, 23), (66, 74, 86)  # colors of the backdrop
+WALL, PAGE = ((17, 19, 23), (66, 74, 86)), ((236, 237, 239),) * 2  # colors of backdrops, at the edge and in the middle
+ON_PAGE = "Cut-Out"  # the picture that is shown on a page, which shows its shadow
 
 
-def on_backdrop(part: Image.Image) -> Image.Image:
+def on_backdrop(part: Image.Image, backdrop=WALL) -> Image.Image:
     """A picture over a dark wall that is lit from the middle; one without transparency hides it."""
+    edge, center = map(np.array, backdrop)
     width, height = part.size
     x, y = np.linspace(-1.0, 1.0, width)[None, :], np.linspace(-1.0, 1.0, height)[:, None]
     light = np.exp(-1.1 * (x**2 + (y + 0.1) ** 2))[..., None]
-    wall = np.array(EDGE) + light * (np.array(CENTER) - np.array(EDGE))
+    wall = edge + light * (center - edge)
     grain = np.random.default_rng(0).uniform(-0.5, 0.5, (height, width, 1))  # so that 8 bits show no bands
-    backdrop = Image.fromarray(np.clip(np.rint(wall + grain), 0, 255).astype(np.uint8)).convert("RGBA")
-    return Image.alpha_composite(backdrop, part.convert("RGBA")).convert("RGB")
+    behind = Image.fromarray(np.clip(np.rint(wall + grain), 0, 255).astype(np.uint8)).convert("RGBA")
+    return Image.alpha_composite(behind, part.convert("RGBA")).convert("RGB")
 
 
 def save_jpeg(picture: Image.Image, path: Path, most: int = MOST_BYTES) -> int:
@@ -41,24 +42,15 @@ def save_jpeg(picture: Image.Image, path: Path, most: int = MOST_BYTES) -> int:
     return quality
 
 
-def half_as_large(pictures: dict[str, Image.Image]) -> Image.Image:
-    """A sheet of four in a row, half as large, the first of a pair with the name of its light.  Without pairs, a plus
-    says that a light adds to those before."""
-    paired, parts = any(name.endswith(AFTER) for name in pictures), []
-    for number, (name, picture) in enumerate(pictures.items()):
-        of, _, when = name.partition("-")
-        title = ("" if paired or number < 2 else "+ ") + ("Headlight" if when == "before" else of.title())
-        parts.append((title, np.asarray(picture.reduce(2))))
-    return Image.fromarray(sheet(parts, 4))
-
-
 def main(folder: Path, path: Path, finer: int) -> None:
     names = json.loads((folder / "parts.json").read_text())
-    pictures = {name: on_backdrop(Image.open(folder / f"{name}.png").reduce(finer)) for name in names}
-    if len(names) > 3:
-        made = half_as_large(pictures)
-    elif len(names) > 1:
-        made = Image.fromarray(sheet([(name, np.asarray(one)) for name, one in pictures.items()]))
+    pictures = {
+        name: on_backdrop(Image.open(folder / f"{name}.png").reduce(finer), PAGE if name == ON_PAGE else WALL)
+        for name in names
+    }
+    if len(names) > 1:
+        parts = [(name.partition(" of ")[0], np.asarray(one)) for name, one in pictures.items()]
+        made = Image.fromarray(sheet(parts, 2 if len(names) > 3 else None))
     else:
         made = pictures[names[0]]
     save_jpeg(made, path)

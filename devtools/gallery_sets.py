@@ -13,7 +13,7 @@ import bpy
 import gallery_data
 from demo_scene import named, rod
 from gallery_flat import cortex, pet
-from gallery_light import lamps, light
+from gallery_light import lamps, light, worlds
 from gallery_meshes import baked, meshes, shadows
 from gallery_skull import skull
 from gallery_studio import (
@@ -213,5 +213,6 @@ def nuclei(stage: Stage):
 
 SETS = {
     "skull": skull, "heart": heart, "nuclei": nuclei, "cortex": cortex, "pet": pet, "light": light, "lamps": lamps,
+    "worlds": worlds,
     "shadows": shadows, "meshes": meshes, "baked": baked,
 }  # fmt: skip

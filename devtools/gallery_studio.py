@@ -187,6 +187,14 @@ def flat_world(color) -> None:
     _new_world().nodes["Background"].inputs["Color"].default_value = (*color, 1.0)
 
 
+def hdri_world(path: Path) -> None:
+    """A world of an environment picture."""
+    tree = _new_world()
+    image = tree.nodes.new("ShaderNodeTexEnvironment")
+    image.image = bpy.data.images.load(str(path))
+    tree.links.new(image.outputs["Color"], tree.nodes["Background"].inputs["Color"])
+
+
 def view_transform(name: str, look: str = "None", exposure: float = 0.0) -> None:
     settings = bpy.context.scene.view_settings
     settings.view_transform = name

@@ -82,16 +82,16 @@ RECIPES = {
     "SOFT": Recipe(
         (
             RecipeLight("Key", "AREA", 54.0, (-1.9, -0.4, 1.2), PALE),
-            RecipeLight("Fill", "AREA", 20.0, (1.5, -1.5, 0.1), COOL),
+            RecipeLight("Fill", "AREA", 30.0, (1.5, -1.5, 0.1), COOL),
         ),
         _settings(ambient_occlusion=0.6),
     ),
     "SKIN": Recipe(
         (
-            RecipeLight("Rim", "AREA", 60.0, (1.8, 0.8, 0.5), WARM, size=0.6),
-            RecipeLight("Key", "AREA", 42.0, (-1.2, -1.5, 0.7), COOL),
+            RecipeLight("Key", "AREA", 30.0, (-1.2, -1.5, 0.7), PALE),
+            RecipeLight("Rim", "AREA", 80.0, (1.8, 0.8, 0.5), WARM, size=0.6),
         ),
-        _settings(indirect_light=0.5),
+        _settings(ambient_occlusion=0.7, indirect_light=0.5),
         {"smoothness": 3.5, "specular": 0.0},
     ),
     "SMOKE": Recipe(

@@ -1,10 +1,10 @@
-"""The film of the tutorial "From a scan to a graded film", by its steps in a real window: a plane opens a skull.
+"""The film of the tutorial "From a scan to a graded film", by its steps in a real window: a plane opens a head.
 
     python3 dev.py blender --photograph tests/blender/record_film.py --size 1280x800
 
 writes into build/window-shots/record_film its frames, of which devtools/example_figures.py makes how-to-opening.webp,
-and film-graded.jpg, a frame before and after the last step, and prints the seconds of a frame.  The scan is that of the
-tutorial, in tests/blender/data/scan.  The frames from 60 to 120 are those of the way there, so they are not rendered.
+and film-graded.jpg, a frame before and after the last step, and prints the seconds of a frame.  The scan is HEAD_MR in
+tests/blender/data.  The frames from 60 to 120 are those of the way there, so they are not rendered.
 """
 
 import os
@@ -13,61 +13,53 @@ import time
 
 import bpy
 
-from tests.blender.guide_steps import activate, beside, imported
+from tests.blender.guide_steps import HEAD_MR, activate, beside, imported
+from tests.blender.scenes import module
 from tests.blender.user_steps import settled
 from tests.blender.window_driver import SHOTS, drive, in_the_view, passed
 
 TURN, LAST, STEP = 60, 120, 2  # frames of the turn, and of all; each second one is shown
-ANGLE, START, LENS = 40.0, -20.0, 86.0  # degrees, and mm
-FRONT, BACK = -0.11, 0.005  # meters from the middle
-SHIFT, GROW, OPAQUE, SMOOTH = -100.0, 2.0, 0.05, 2.0  # HU, mm, mm, mm: thin walls are whole and opaque
-LEVEL, WINDOW = 400.0, 1200.0  # HU
+ANGLE, START, LENS = 40.0, 20.0, 78.0  # degrees, and mm
+OUTSIDE = 0.09  # meters from the middle to the left
+LEVEL, WINDOW = 90.0, 170.0
 DARK = (0.012, 0.016, 0.024)  # of the world
 GRADED, EXPOSURE = 45, 0.5  # the frame of the picture, which is one of the film's
 LIFT, GAIN = (0.99, 1.0, 1.015, 1.0), (1.12, 1.0, 0.88, 1.0)  # bluish shadows, warm lights
-PART = "520x390+210+170"  # of the frame, which the picture shows
+PART = "640x480+220+60"  # of the frame, which the picture shows
 SAMPLES = 8  # of Cycles, which renders the faces of the cut and the world alone
-
-
-def skull():
-    """Steps 1 to 3 of the tutorial."""
-    volume = yield from imported("ct-bone", "scan")
-    activate(volume)
-    with in_the_view():
-        assert bpy.ops.rle_splat.hide_table() == {"FINISHED"}
-        assert bpy.ops.rle_splat.change_segment(tool="GROW", length=GROW) == {"FINISHED"}
-    ours = volume.rle_splat
-    ours.shift_by, ours.opacity_unit_distance, ours.smoothness = SHIFT, OPAQUE, SMOOTH
-    yield from settled()
-    return volume
 
 
 def turn_and_cut(scene, volume):
     """Steps 2 and 3 of the tutorial."""
+    curves_of = module("bridge.render.camera_path").curves_of
     with in_the_view():
         assert bpy.ops.rle_splat.turntable(
             filepath=os.path.join(os.environ[SHOTS], "turn"), frames=TURN, angle=ANGLE, azimuth=START, render=False
         ) == {"FINISHED"}  # fmt: skip
         scene.camera.data.lens = LENS
         scene.frame_set(1)
-        scene.camera.parent.keyframe_insert("rotation_euler", index=2, frame=LAST)
+        pivot = scene.camera.parent
+        pivot.keyframe_insert("rotation_euler", index=2, frame=LAST)
         activate(volume)
-        assert bpy.ops.rle_splat.add_lights(kind="SOFT") == {"FINISHED"}
-        bpy.ops.view3d.view_axis(type="FRONT")
+        assert bpy.ops.rle_splat.add_lights(kind="SKIN") == {"FINISHED"}
+        bpy.ops.view3d.view_axis(type="RIGHT")  # of Blender: the patient's left
     yield from settled()
     with in_the_view():
         assert bpy.ops.rle_splat.cut_along_view() == {"FINISHED"}
     plane = bpy.context.view_layer.objects.active
-    middle = plane.location.y
-    for number, away in ((1, FRONT), (TURN, BACK), (LAST, FRONT)):
-        plane.location.y = middle + away
+    middle = plane.location.x
+    for number, away in ((1, OUTSIDE), (TURN, 0.0), (LAST, OUTSIDE)):
+        plane.location.x = middle + away
         plane.keyframe_insert("location", frame=number)
+    for one in (pivot, plane):
+        for curve in curves_of(one):
+            for point in curve.keyframe_points:
+                point.interpolation = "BEZIER"
     activate(volume)
     with in_the_view():
         assert bpy.ops.rle_splat.gray_values_on_cut() == {"FINISHED"}
     ours = volume.rle_splat
-    ours.slices_follow_window, ours.slices_clear_black = False, True
-    ours.slice_center, ours.slice_width = LEVEL, WINDOW
+    ours.slices_follow_window, ours.slice_center, ours.slice_width = False, LEVEL, WINDOW
     yield from settled()
 
 
@@ -108,7 +100,7 @@ def grade(scene):
 
 
 def scenario():
-    volume = yield from skull()
+    volume = yield from imported("mr-head", HEAD_MR)
     scene, render = bpy.context.scene, bpy.context.scene.render
     bpy.context.preferences.view.smooth_view = 0
     yield from turn_and_cut(scene, volume)

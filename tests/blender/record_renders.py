@@ -169,13 +169,25 @@ def first_picture():
 def transforms():
     """Bone and vessels under three lights, in the view transforms Standard and AgX, and in AgX with more contrast."""
     parts = {}
-    for name, preset, scan, nearer in (("Bone", "ct-bone", "scan", 0.42), ("Angio", "ct-angiography", HEART, 0.6)):
+    for name, preset, scan, turn, nearer in (
+        ("Bone", "ct-bone", "scan", 30.0, 0.58),
+        ("Angio", "ct-angiography", HEART, 55.0, 0.66),
+    ):
         volume = yield from imported(preset, scan)
+        ours = volume.rle_splat
         activate(volume)
-        if preset == "ct-bone":
-            with in_the_view():
+        with in_the_view():
+            if name == "Bone":
                 assert bpy.ops.rle_splat.hide_table() == {"FINISHED"}
-        look_from(78.0, 30.0, nearer)
+                ours.shift_by, ours.opacity_unit_distance, ours.smoothness = -100.0, 0.05, 2.0  # thin walls are whole
+            else:  # the heart alone
+                assert bpy.ops.rle_splat.threshold_segment(low=290.0, high=ours.value_high) == {"FINISHED"}
+                assert bpy.ops.rle_splat.change_segment(tool="LARGEST") == {"FINISHED"}
+                ours.smoothness = 3.0
+                for row in ours.labels:
+                    row.show = row.label != 0
+            assert bpy.ops.rle_splat.change_segment(tool="GROW", length=2.0) == {"FINISHED"}
+        look_from(78.0, turn, nearer)
         yield from settled()
         scene, camera = bpy.context.scene, bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
         scene.collection.objects.link(camera)
