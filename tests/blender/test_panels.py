@@ -347,6 +347,31 @@ def test_every_window_in_the_menu_has_a_tooltip_of_its_own(volume_object, bridge
     assert len(set(told)) == len(told) == len(presets) + 1 and not any(text.endswith(".") for text in told)
 
 
+@pytest.mark.parametrize(
+    ("unit", "mode", "grays", "of_slices", "offered"),
+    [
+        ("HU", "composite", True, False, 0), ("HU", "composite", False, True, 7), ("HU", "mip", True, False, 7),
+        ("HU", "mip", False, False, 0), ("HU", "xray", True, False, 0), ("SUVbw", "composite", False, False, 4),
+        ("SUVbw", "mip", True, True, 4), ("", "mip", True, True, 0),
+    ],
+)  # fmt: skip
+def test_windows_are_those_of_the_unit_and_windows_of_tissues_are_for_grays(
+    volume_object, monkeypatch, unit, mode, grays, of_slices, offered
+):
+    properties = volume_object.rle_splat
+    properties.value_unit, properties.mode, properties.use_grays = unit, mode, grays
+    properties.slices_follow_window = False
+    windows = scenes.module("operators.window_level")
+    names = windows.windows_of(properties, of_slices)
+    assert len(names) == offered and all(windows.WINDOWS[name][3] == unit for name in names)
+    draw_all(monkeypatch)
+    for name in names:
+        assert bpy.ops.rle_splat.window_level(preset=name, of_slices=of_slices) == {"FINISHED"}
+        held = "slice" if of_slices else "window"
+        found = getattr(properties, f"{held}_center"), getattr(properties, f"{held}_width")
+        assert found == windows.WINDOWS[name][1:3]
+
+
 def test_grayed_buttons_say_why(volume_object):
     """Without a camera the pictures are refused with a sentence that names what is missing."""
     for name in ("render_image", "preview_in_camera_view", "show_in_renders"):
