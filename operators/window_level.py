@@ -25,9 +25,10 @@ WINDOWS = {
 ITEMS = [
     ("CUSTOM", "As Below", "Use the window and level below"),
     ("DATA", "All Values", "Span the smallest to the largest value of the volume"),
+] + [
+    (name, label, f"Level {level:g} {unit}, window {width:g} {unit}")
+    for name, (label, level, width, unit) in WINDOWS.items()
 ]
-ITEMS += [(name, label, f"Level {level:g} {unit}, window {width:g} {unit}")
-          for name, (label, level, width, unit) in WINDOWS.items()]  # fmt: skip
 OF_VALUES = "mip", "minip", "average"  # modes whose grays are values
 KEEPING = "Span the smallest to the largest value of the volume, and redraw the curves so that the picture stays"
 

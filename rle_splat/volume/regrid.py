@@ -33,9 +33,9 @@ def on_grid_steps(one: Volume, volume: Volume, values: bool = False):
     -------
     Volume
         ``one`` itself if both have one grid. If one of them is not in patient space, voxels of the same index belong
-        together; if neither is, ``one`` gets the affine of ``volume``. Else a new volume: voxels in another order are reordered exactly. On another grid each voxel
-        takes the nearest label, 0 outside, or the value between its neighbors, the lowest one outside. ``remarks`` say
-        what was done.
+        together; if neither is, ``one`` gets the affine of ``volume``. Else a new volume: voxels in another order are
+        reordered exactly. On another grid each voxel takes the nearest label, 0 outside, or the value between its
+        neighbors, the lowest one outside. ``remarks`` say what was done.
 
     Raises
     ------
