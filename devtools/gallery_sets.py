@@ -11,7 +11,6 @@ import math
 
 import bpy
 import gallery_data
-from demo_scene import named, rod
 from gallery_flat import cortex, pet
 from gallery_light import lamps, light, worlds
 from gallery_meshes import baked, meshes, shadows
@@ -31,18 +30,18 @@ from mathutils import Matrix, Vector
 
 MM = 0.001
 PLATE = -112.0  # the height of the slice above the middle of the scan
-# Names, the place of each in mm from the middle of the scan, and that of its text in the picture, in widths.
+# Names, and the place of each in mm from the middle of the scan.
 NAMES = (
-    ("Right brachiocephalic\nvein", (-46.0, -21.0, 93.0), (-0.232, 0.27)),
-    ("Brachiocephalic trunk", (-26.0, -19.0, 88.0), (-0.232, 0.205)),
-    ("Ascending aorta", (-12.0, -28.0, 52.0), (-0.232, 0.135)),
-    ("Pulmonary trunk", (22.0, -22.0, 45.0), (-0.232, 0.06)),
-    ("Right ventricle", (10.0, -60.0, -33.0), (-0.232, -0.06)),
-    ("Stent graft", (14.0, 17.0, 86.0), (0.1, 0.33)),
-    ("False lumen", (21.0, 62.0, 40.0), (0.23, 0.16)),
-    ("Left inferior\npulmonary vein", (40.0, 36.0, -22.0), (0.23, 0.0)),
-    ("Left ventricle", (61.0, -30.0, -35.0), (0.23, -0.09)),
-    ("Celiac branches", (41.0, 10.0, -103.0), (0.23, -0.15)),
+    ("Right brachiocephalic vein", (-46.0, -21.0, 93.0)),
+    ("Brachiocephalic trunk", (-26.0, -19.0, 88.0)),
+    ("Ascending aorta", (-12.0, -28.0, 52.0)),
+    ("Pulmonary trunk", (22.0, -22.0, 45.0)),
+    ("Right ventricle", (10.0, -60.0, -33.0)),
+    ("Stent graft", (14.0, 17.0, 86.0)),
+    ("False lumen", (21.0, 62.0, 40.0)),
+    ("Left inferior pulmonary vein", (40.0, 36.0, -22.0)),
+    ("Left ventricle", (61.0, -30.0, -35.0)),
+    ("Celiac branches", (41.0, 10.0, -103.0)),
 )
 IN_LEFT, HEART, VIOLET = (83, 52, 60), "Heart", (0.34, 0.07, 0.37)  # voxel of a click, name, color
 ABOVE = ((-100.0, -100.0, 104.25), (100.0, 100.0, 140.0))  # corners of a box, in mm from the middle: dense veins
@@ -81,24 +80,10 @@ def _change(ours, name: str, tool: str, length: float = 0.0) -> None:
     bpy.ops.rle_splat.change_segment(tool=tool, **({"length": length} if length else {}))
 
 
-def _name(stage: Stage, camera, body: str, place, at: tuple[float, float], coat, edge=None) -> None:
-    """A name in the plane half-way to the middle, and a line from it, with an edge, to what is seen at a place."""
-    data = camera.data
-    depth = 0.5 * (camera.matrix_world.translation - stage.middle).length
-    width = depth * data.sensor_width / data.lens
-    begin = Vector((at[0] * width, at[1] * width, -depth))
-    side = -1.0 if at[0] < 0.0 else 1.0
-    text = camera.matrix_world @ Matrix.Translation(begin + Vector((side * 0.008 * width, 0.0, 0.0)))
-    letters(body, text, 0.0228 * width, coat, "RIGHT" if side < 0.0 else "LEFT")
-    into = camera.matrix_world.inverted() @ (stage.middle + MM * Vector(place))
-    end = camera.matrix_world @ (into * (depth / -into.z))
-    begin = camera.matrix_world @ begin
-    rod(f"Line to {body}", begin, end, 0.0007 * width, coat)
-    if edge:
-        away = 0.004 * (end - camera.matrix_world.translation)
-        rod(f"Edge of line to {body}", begin + away, end + away, 0.0018 * width, edge)
-    bpy.ops.mesh.primitive_uv_sphere_add(radius=0.004 * width, location=end)
-    named(f"End at {body}", coat).visible_shadow = False
+def _name(stage: Stage, body: str, place) -> None:
+    """A name beside the picture, with a line to a place, in mm from the middle."""
+    bpy.context.view_layer.objects.active = stage.volume
+    bpy.ops.rle_splat.add_name(text=body, point=stage.middle + MM * Vector(place))
 
 
 def _cut(stage: Stage, low, high) -> None:
@@ -132,12 +117,11 @@ def heart(stage: Stage):
     ours.shift_by, ours.smoothness = 0.0, 1.5
     _cut(stage, *ABOVE)
     laid = _lay_slice(stage)
-    camera = stage.camera((1.62, -1.18, 0.75), lens=43.0, aim=(0.02, 0.03, -0.09))
+    stage.camera((1.62, -1.18, 0.75), lens=43.0, aim=(0.02, 0.03, -0.09))
     bpy.context.view_layer.update()
-    white, black = emission("Letters", (0.85, 0.87, 0.9)), emission("Edges", (0.01, 0.011, 0.014))
-    ground = PLATE + 1.0
-    for body, place, at in NAMES:
-        _name(stage, camera, body, place, at, white, black)
+    white, ground = emission("Letters", (0.85, 0.87, 0.9)), PLATE + 1.0
+    for body, place in NAMES:
+        _name(stage, body, place)
     at, facing = Matrix.Translation(stage.middle), Matrix.Rotation(1.03, 4, "Z")
     for body, x, y in (("A", -30.0, -112.0), ("L", 120.0, 60.0)):
         letters(body, at @ Matrix.Translation(MM * Vector((x, y, ground))) @ facing, 20.0 * MM, white)
@@ -198,9 +182,9 @@ def nuclei(stage: Stage):
     bar = BAR_UM / SIDE_UM * stage.size
     white = emission("Letters", (0.85, 0.87, 0.9))
     scale_bar("20 µm", Matrix.Translation(stage.at(-0.3, -0.56, 0.01)), bar, 0.035 * stage.size, white)
-    camera = stage.camera((0.42, -1.25, 1.3), lens=43.0, aim=(-0.02, -0.1, 0.0))
+    stage.camera((0.42, -1.25, 1.3), lens=43.0, aim=(-0.02, -0.1, 0.0))
     bpy.context.view_layer.update()
-    _name(stage, camera, "Dividing cell", (-22.4, -6.7, 1.7), (-0.27, 0.2), white)
+    _name(stage, "Dividing cell", (-22.4, -6.7, 1.7))
     stage.without_background(12)
     stage.key(4.0, (-1.3, 0.3, 0.9))
     stage.area("Rim", 40.0, (1.4, 1.2, 0.9), COLD)

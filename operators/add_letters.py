@@ -7,7 +7,7 @@ from mathutils import Matrix, Vector
 from ..bridge.data.settings import scene_scale_of
 from ..bridge.live import bars, letters
 from ..bridge.volumes import box, volumes
-from .letter_objects import add_object, depths_of, new_emission, new_text, plane_before
+from .letter_objects import EDGE, add_object, depths_of, new_emission, new_shape, new_text, plane_before
 from .reading import LoadsFirst
 from .refusal import refuse
 from .through_camera import has_volume_and_camera
@@ -62,7 +62,7 @@ def _letters(owner, scene, frame):
 
 
 def _bar(owner, scene, frame, depths):
-    """Yield name, mesh or text, parent and matrix of a bar and of its length, at the lower left before the volume."""
+    """Yield name, curve or text, parent and matrix of a bar and of its length, at the lower left before the volume."""
     high, _, low, _ = scene.camera.data.view_frame(scene=scene)
     in_perspective = scene.camera.data.type != "ORTHO"
     a_unit = scene_scale_of(scene, owner.rle_splat.length_unit)  # of length in the middle of the volume, as seen
@@ -72,9 +72,10 @@ def _bar(owner, scene, frame, depths):
     length = bars.length_of_bar(a_unit, LONGEST * width)
     corner = plane_before(scene, frame, depths)
     corner @= Matrix.Translation((low.x + MARGIN * width, low.y + MARGIN * width, 0.0))
-    mesh = bpy.data.meshes.new("Scale Bar")
-    mesh.from_pydata([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], [], [(0, 1, 2, 3)])
-    yield "Scale Bar", mesh, scene.camera, corner @ Matrix.Diagonal((length * a_unit, 0.15 * size, 1.0, 1.0))
+    unit = length * a_unit
+    height = 0.15 * size / unit
+    bar = new_shape("Scale Bar", EDGE * size / unit, ((0, 0), (1, 0), (1, height), (0, height)))
+    yield "Scale Bar", bar, scene.camera, corner @ Matrix.Scale(unit, 4)
     title = f"{length:g} {owner.rle_splat.length_unit}"
     above = Matrix.Translation((0.0, 0.9 * size, 0.0)) @ Matrix.Scale(0.85 * size, 4)
     yield title, new_text(title, "LEFT"), scene.camera, corner @ above

@@ -11,11 +11,12 @@ from ..bridge.scene.callouts import MARK, POINT
 from ..bridge.volumes import box
 from ..rle_splat.figure.callouts import split, spread
 from ..rle_splat.scene import RleSplatError
-from .letter_objects import add_object, depths_of, new_emission, new_text, plane_before
+from .letter_objects import add_object, depths_of, new_emission, new_shape, new_text, plane_before
 
 # Shares of the picture's height: size of a text, distance from text to text, space beside a text, and a line's width.
 SIZE, STEP, SPACE, LINE = 0.03, 0.05, 0.012, 0.0018
-BALL, BALL_STEPS = 4.5, 17  # the ball at the end of a line: widths of the line, and points of its profile
+EDGE, DOT = 0.75, 2.25  # widths of a line: its dark edge, and the radius of the dot at its end
+CORNERS = 32  # of a dot
 WIDE = 0.45  # of a letter, in sizes of the text
 
 
@@ -38,8 +39,7 @@ def callouts_of(owner, scene, kind: str) -> list[Callout]:
         if one.type == "FONT" and kind in one and one.get(MARK) == owner.name:
             line = next((other for other in scene.objects if other.type == "CURVE" and _same(one, other, kind)), None)
             if line is not None:
-                end = line.data.splines[0].points[1].co
-                found.append(Callout(one.data.body, np.array(end[:2]), (kind, one[kind])))
+                found.append(Callout(one.data.body, end_of(line.data), (kind, one[kind])))
     return found
 
 
@@ -142,16 +142,16 @@ def _widen(edges, owner, scene, frame, ends) -> tuple[float, float]:
 
 
 def _line(begin, end, width: float):
-    """A straight line in the plane z = 0, as round as ``width``, with a ball at its end."""
-    curve = bpy.data.curves.new("Line", "CURVE")
-    curve.dimensions, curve.bevel_depth = "3D", 0.5 * width
-    spline, ball = curve.splines.new("POLY"), curve.splines.new("POLY")
-    spline.points.add(1)
-    for point, place in zip(spline.points, (begin, end)):
-        point.co = (*Vector(place).to_3d(), 1.0)
-    along = np.linspace(-1.0, 1.0, BALL_STEPS)
-    ball.points.add(BALL_STEPS - 1)
-    for point, share in zip(ball.points, along):
-        point.co = (end[0], end[1] + share * 0.5 * BALL * width, 0.0, 1.0)
-        point.radius = BALL * np.sqrt(1.0 - share**2)
-    return curve
+    """A straight line in the plane z = 0 with a dot at its end, both with a dark edge."""
+    begin, end = np.array(begin), np.array(end)
+    along = (end - begin) / np.linalg.norm(end - begin)
+    side = 0.5 * width * np.array((-along[1], along[0]))
+    touch = end - DOT * width * along  # outlines that overlap would leave a hole
+    angles = np.linspace(0.0, 2.0 * np.pi, CORNERS, endpoint=False)
+    dot = end + DOT * width * np.stack((np.cos(angles), np.sin(angles)), axis=1)
+    return new_shape("Line", EDGE * width, (begin + side, begin - side, touch - side, touch + side), dot)
+
+
+def end_of(line) -> np.ndarray:
+    """The middle of the dot at the end of a line, (2,)."""
+    return np.mean([point.co[:2] for point in line.splines[1].points], axis=0)

@@ -6,25 +6,38 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty
 
 from ..bridge.live import slice_window
 from ..bridge.look import transfer
-from ..bridge.translations import OURS
+from ..bridge.translations import OURS, filled
 from ..bridge.volumes import volumes
+from ..rle_splat.read.dicom.suv import UNIT as SUV
 from .refusal import has_editable_transfer
 
-# Common CT windows: name, level and window in HU.
-CT_WINDOWS = {
-    "CT_BONE": ("Bone Window", 500.0, 2000.0),
-    "CT_SOFT_TISSUE": ("Soft Tissue Window", 50.0, 400.0),
-    "CT_MEDIASTINUM": ("Mediastinum Window", 50.0, 350.0),
-    "CT_LIVER": ("Liver Window", 60.0, 160.0),
-    "CT_BRAIN": ("Brain Window", 40.0, 80.0),
-    "CT_LUNG": ("Lung Window", -600.0, 1500.0),
-    "CT_ANGIOGRAPHY": ("Vessel Window", 300.0, 600.0),
+# Common windows: label, level, window and unit.
+WINDOWS = {
+    "CT_BONE": ("Bone Window", 500.0, 2000.0, "HU"),
+    "CT_SOFT_TISSUE": ("Soft Tissue Window", 50.0, 400.0, "HU"),
+    "CT_MEDIASTINUM": ("Mediastinum Window", 50.0, 350.0, "HU"),
+    "CT_LIVER": ("Liver Window", 60.0, 160.0, "HU"),
+    "CT_BRAIN": ("Brain Window", 40.0, 80.0, "HU"),
+    "CT_LUNG": ("Lung Window", -600.0, 1500.0, "HU"),
+    "CT_ANGIOGRAPHY": ("Vessel Window", 300.0, 600.0, "HU"),
+    **{f"PET_SUV_{high}": (f"SUV 0–{high}", 0.5 * high, float(high), SUV) for high in (5, 7, 10, 15)},
 }
 ITEMS = [
     ("CUSTOM", "As Below", "Use the window and level below"),
     ("DATA", "All Values", "Span the smallest to the largest value of the volume"),
-] + [(name, label, f"Level {level:g} HU, window {width:g} HU") for name, (label, level, width) in CT_WINDOWS.items()]
+] + [
+    (name, label, f"Level {level:g} {unit}, window {width:g} {unit}")
+    for name, (label, level, width, unit) in WINDOWS.items()
+]
+OF_VALUES = "mip", "minip", "average"  # modes whose grays are values
 KEEPING = "Span the smallest to the largest value of the volume, and redraw the curves so that the picture stays"
+
+
+def windows_of(properties, of_slices: bool) -> list[str]:
+    """The common windows in the unit of a volume; windows of tissues are for gray values, not for colors."""
+    shows_values = of_slices or (properties.use_grays and properties.mode in OF_VALUES)
+    return [name for name, (*_, unit) in WINDOWS.items()
+            if unit == properties.value_unit and (shows_values or unit != "HU")]  # fmt: skip
 
 
 class RLE_SPLAT_OT_window_level(bpy.types.Operator):
@@ -66,10 +79,11 @@ class RLE_SPLAT_OT_window_level(bpy.types.Operator):
             low, high = properties.value_low, properties.value_high
             self.center, self.width = 0.5 * (low + high), max(high - low, 1e-6)
         elif self.preset != "CUSTOM":
-            if properties.value_unit != "HU":
-                self.report({"WARNING"}, "The values of this volume are not in HU, so a CT window may show nothing; "
-                                         "choose All Values.")  # fmt: skip
-            _, self.center, self.width = CT_WINDOWS[self.preset]
+            _, self.center, self.width, unit = WINDOWS[self.preset]
+            if properties.value_unit != unit:
+                self.report({"WARNING"}, filled(
+                    "The values of this volume are not in {unit}, so this window may show nothing; choose All Values.",
+                    unit=unit))  # fmt: skip
         if self.of_slices:
             slice_window.move(properties, self.center, self.width)
             return {"FINISHED"}

@@ -1,12 +1,14 @@
 """The Advanced panel: the maximum error, classification, settings of quality, memory and threads."""
 
 import bpy
+from bpy.app.translations import pgettext_iface
 
 from ..bridge.data.automatic import draw_number
 from ..bridge.data.settings import OF_PRE, is_pre_classified, quality_of
 from ..bridge.look import transfer
 from ..bridge.scene.camera import image_size
-from ..bridge.scene.lights import is_any_lit
+from ..bridge.scene.lights import any_casts_shadows
+from ..bridge.translations import filled
 from ..bridge.volumes import facts, volumes
 from ..rle_splat.scene import RleSplatError
 from .places import RenderTab, Sidebar, paragraph
@@ -22,11 +24,9 @@ PLANNED = ("depth_rule", "sheet_density", "warp_filter", "termination", "rays", 
 def taken_away(scene) -> list[str]:
     """Names of the effects that the scene asks for and that pictures with a Maximum Error leave out."""
     settings = scene.rle_splat
-    casts = settings.use_shadows and is_any_lit(scene) and any(
-        one.type == "LIGHT" and one.data.use_shadow and not one.hide_render for one in scene.objects)  # fmt: skip
     pre = is_pre_classified(settings)
     asked = {
-        "shadows": casts and pre, "ambient occlusion": pre and settings.ambient_occlusion > 0.0,
+        "shadows": pre and any_casts_shadows(scene), "ambient occlusion": pre and settings.ambient_occlusion > 0.0,
         "motion blur": scene.render.use_motion_blur,
     }  # fmt: skip
     return [name for name, is_asked in asked.items() if is_asked]
@@ -44,6 +44,8 @@ class AdvancedPanel:
         layout.use_property_decorate = False
         settings = context.scene.rle_splat
         _draw_error(context, layout)
+        chosen = settings.bl_rna.properties["quality"].enum_items[settings.quality]
+        layout.label(text=filled("Quality: {quality}", quality=pgettext_iface(chosen.name)))
         row = layout.split(factor=METHOD_SHARE, align=True)
         row.use_property_split = False
         for name in ("paper", "custom"):
@@ -51,16 +53,21 @@ class AdvancedPanel:
         if settings.quality != "paper":
             layout.prop(settings, "classification")
         for name in (*(KNOBS if settings.quality == "custom" else ()), "record"):  # which counts with every quality
-            row = layout.row()
-            # Inactive rows can still be edited: another value of one of OF_PRE switches the classification to pre.
-            counts = name not in OF_PRE or settings.classification != "post" or settings.quality == "paper"
-            counts = counts and (name != "rays" or settings.classification == "post")
-            row.active = counts and not (settings.max_error and name in PLANNED)
-            row.prop(settings, name)
+            if _counts(settings, name):
+                layout.prop(settings, name)
         draw_number(layout, settings, "threads", "use_all_cores")
         needed = _memory(context)
         if needed:
             paragraph(context, layout, needed, icon="MEMORY")
+
+
+def _counts(settings, name: str) -> bool:
+    """Whether a knob has an effect with the chosen classification and maximum error."""
+    if name in OF_PRE:
+        return is_pre_classified(settings)
+    if settings.max_error and name in PLANNED:
+        return False
+    return name != "rays" or not is_pre_classified(settings)
 
 
 def _draw_error(context, layout) -> None:

@@ -12,7 +12,7 @@ class DiagnosticsPanel:
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, _context):
-        self.layout.operator("rle_splat.shadow_pass", icon="IMAGE_DATA")
+        """Nothing but the panels within."""
 
 
 class RLE_SPLAT_PT_diagnostics(DiagnosticsPanel, Sidebar, bpy.types.Panel):

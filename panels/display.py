@@ -34,7 +34,7 @@ class DisplayPanel:
             row = layout.row(heading="Grays")
             row.prop(properties, "use_grays", text="")
             row = row.row()
-            row.active = properties.use_grays and properties.mode != "xray"
+            row.enabled = properties.use_grays and properties.mode != "xray"
             row.prop(properties, "use_inverted_grays")
         in_view = getattr(context.space_data, "type", "") == "VIEW_3D"
         if in_view and (properties.mode != MODES[0] or plain_background.wants_white(owner)):
@@ -52,7 +52,7 @@ class DisplayPanel:
         unit = with_unit("Shift", properties.value_unit)
         layout.prop(properties, "shift_by" if span >= WIDE else "shift_finely", text=unit, translate=False)
         row = layout.row()
-        row.active = properties.mode == MODES[0] or not properties.use_grays
+        row.enabled = properties.mode == MODES[0] or not properties.use_grays
         row.prop(properties, "opacity_scale", slider=True)
         if not is_encoded and properties.space == PATIENT and modality_of(properties) == "CT" and not properties.labels:
             self.layout.operator("rle_splat.hide_table", icon="USER")

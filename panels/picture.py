@@ -23,7 +23,7 @@ class PicturePanel:
         column = layout.column()
         column.use_property_split = False  # else the names would be cut off
         row = column.row()
-        row.active = not settings.max_error
+        row.enabled = not settings.max_error
         row.prop(settings, "antialias")
         column.prop(settings, "meshes_occlude")
         draw_outdated(context, layout)
@@ -86,6 +86,7 @@ def _draw_files(layout) -> None:
     row = _tall(pictures)
     row.operator("rle_splat.render_image", icon="IMAGE_DATA")
     row.operator("rle_splat.turntable", text=with_ellipsis("Turntable"), icon="RENDER_ANIMATION")
+    pictures.operator("rle_splat.shadow_pass", icon="IMAGE_DATA")
     _tall(pictures).operator("rle_splat.save_figure", text=with_ellipsis("Save Figure"), icon="DOCUMENTS")
     export.operator("rle_splat.extract_surface", text=with_ellipsis("Extract Surface"), icon="MESH_ICOSPHERE")
     export.operator("rle_splat.bake_volume", text=with_ellipsis("Bake to Cycles Volume"), icon="VOLUME_DATA")
@@ -96,7 +97,7 @@ def _draw_quality(context, layout) -> None:
     settings = context.scene.rle_splat
     layout.label(text="Quality")
     grid = layout.grid_flow(row_major=True, columns=2, even_columns=True, align=True)
-    grid.active = not settings.max_error
+    grid.enabled = not settings.max_error
     for name in PRESET_AIMS:
         grid.prop_enum(settings, "quality", name)
     if settings.max_error:

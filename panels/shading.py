@@ -6,7 +6,7 @@ from ..bridge.data import effects
 from ..bridge.data.automatic import draw_number
 from ..bridge.data.settings import is_pre_classified
 from ..bridge.scene import first_light, world_render
-from ..bridge.scene.lights import is_any_lit
+from ..bridge.scene.lights import any_casts_shadows, is_any_lit
 from ..bridge.scene.world import state as world_state
 from ..bridge.volumes import encoded, volumes
 from .places import OfVolume, paragraph
@@ -28,17 +28,17 @@ class RLE_SPLAT_PT_shading(OfVolume, bpy.types.Panel):
             paragraph(context, layout, encoded.STORED_VALUES, icon="INFO")
         else:
             _draw_source(context, layout, properties)
-        _draw_scene(context.scene, layout)
+        _draw_scene(context, layout)
         if is_encoded:
             return
         layout.label(text="This Volume")
         layout.prop(properties, "use_shading")
         column = layout.column()
-        column.active = properties.use_shading and not is_pre_classified(settings)
+        column.enabled = properties.use_shading and not is_pre_classified(settings)
         unit = f"({properties.length_unit})"
         draw_number(column, properties, "smoothness", "use_automatic_smoothness", "Smoothness", unit)
         column = layout.column(align=True)
-        column.active = properties.use_shading
+        column.enabled = properties.use_shading
         for name in ("ambient", "diffuse", "specular", "shininess", "highlight", "two_sided"):
             column.prop(properties, name)
 
@@ -55,15 +55,16 @@ def _draw_source(context, layout, properties) -> None:
         layout.operator("rle_splat.update_world_light", icon="FILE_REFRESH")
 
 
-def _draw_scene(scene, layout) -> None:
+def _draw_scene(context, layout) -> None:
     """What all volumes of the scene share: shadows, the light from all sides and mist."""
-    settings = scene.rle_splat
-    has_shadows, is_lit = not settings.max_error or not is_pre_classified(settings), is_any_lit(scene)
+    scene, settings = context.scene, context.scene.rle_splat
+    is_pre, is_lit, casts = is_pre_classified(settings), is_any_lit(scene), any_casts_shadows(scene)
+    has_shadows = not (settings.max_error and is_pre)
     layout.label(text="All Volumes")
     column = layout.column(align=True)
-    column.active = is_lit
+    column.enabled = is_lit
     row = column.row()
-    row.active = has_shadows
+    row.enabled = has_shadows
     row.prop(settings, "use_shadows")
     row = column.split(factor=0.6)
     row.use_property_split = False  # the longer name would be cut off
@@ -74,10 +75,14 @@ def _draw_scene(scene, layout) -> None:
     column = layout.column(align=True)
     column.use_property_split = False  # the longer name would be cut off
     row = column.row(align=True)
-    row.active = has_shadows
+    row.enabled = has_shadows
     row.prop(settings, "ambient_occlusion", slider=True)
     row.prop_decorator(settings, "ambient_occlusion")
     row = column.row(align=True)
-    row.active = is_lit and settings.use_shadows and not is_pre_classified(settings)
+    row.enabled = casts and not is_pre
     row.prop(settings, "indirect_light", slider=True)
     row.prop_decorator(settings, "indirect_light")
+    if is_lit and not casts:
+        paragraph(context, column, "Scattering needs a light that casts shadows", icon="INFO")
+    elif is_lit and is_pre:
+        paragraph(context, column, "Scattering needs Interpolate: Values in Advanced", icon="INFO")

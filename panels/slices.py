@@ -6,7 +6,7 @@ from ..bridge.live import slice_pictures, slice_places, slices
 from ..bridge.translations import filled, with_unit
 from ..bridge.volumes import volumes
 from .places import Sidebar, paragraph
-from .transfer import draw_windows
+from .transfer import WindowMenu, draw_windows
 
 NAME_SHARE = 0.54  # of a row, for the name of a slice beside its place
 TRUE_GRAYS = "Standard", "Raw"  # view transforms
@@ -76,8 +76,8 @@ def draw_window(context, layout, properties) -> None:
         paragraph(context, layout, said, "INFO")
 
 
-class RLE_SPLAT_MT_slice_windows(bpy.types.Menu):
+class RLE_SPLAT_MT_slice_windows(WindowMenu, bpy.types.Menu):
     bl_label = "Window and Level of Slices"
 
-    def draw(self, _context):
-        draw_windows(self.layout, of_slices=True)
+    def draw(self, context):
+        draw_windows(self.layout, volumes.volume_object(context).rle_splat, of_slices=True)

@@ -6,26 +6,36 @@ from ..bridge import linked
 from ..bridge.look import transfer, transfer_nodes
 from ..bridge.translations import filled, with_unit
 from ..bridge.volumes import encoded, volumes
-from ..operators.window_level import CT_WINDOWS, ITEMS
+from ..operators.window_level import WINDOWS, windows_of
 from .histogram import draw_curve
 from .places import DataTab, OfVolume, paragraph
 
 
-class RLE_SPLAT_MT_windows(bpy.types.Menu):
+class WindowMenu:
+    """A menu of common windows."""
+
+    @classmethod
+    def poll(cls, context):
+        return volumes.volume_object(context) is not None
+
+
+class RLE_SPLAT_MT_windows(WindowMenu, bpy.types.Menu):
     bl_label = "Window and Level"
 
-    def draw(self, _context):
-        draw_windows(self.layout)
+    def draw(self, context):
+        draw_windows(self.layout, volumes.volume_object(context).rle_splat)
         self.layout.separator()
         wider = self.layout.operator("rle_splat.window_level", text="Show All Values, Keep Colors")
         wider.preset, wider.keep_values = "DATA", True
 
 
-def draw_windows(layout, of_slices: bool = False) -> None:
-    """The common windows in a menu, each with its level and window."""
-    for name, label, _description in ITEMS[1:]:
-        _, level, width = CT_WINDOWS.get(name, ("", None, None))
-        numbers = "" if level is None else filled("L {level}, W {width}", level=f"{level:g}", width=f"{width:g}")
+def draw_windows(layout, properties, of_slices: bool = False) -> None:
+    """The common windows of a volume in a menu, each with its level and window."""
+    whole = layout.operator("rle_splat.window_level", text="All Values")
+    whole.preset, whole.of_slices = "DATA", of_slices
+    for name in windows_of(properties, of_slices):
+        label, level, width, _ = WINDOWS[name]
+        numbers = filled("L {level}, W {width}", level=f"{level:g}", width=f"{width:g}")
         one = layout.operator("rle_splat.window_level", text=with_unit(label, numbers), translate=False)
         one.preset, one.of_slices = name, of_slices
 

@@ -15,6 +15,12 @@ def is_any_lit(scene) -> bool:
     return any(one.rle_splat.lighting in BY_SCENE for one in volumes.volume_objects(scene))
 
 
+def any_casts_shadows(scene) -> bool:
+    """Whether a light of a scene casts shadows on one of its volumes, if renders show it."""
+    return scene.rle_splat.use_shadows and is_any_lit(scene) and any(
+        one.type == "LIGHT" and one.data.use_shadow and not one.hide_render for one in scene.objects)  # fmt: skip
+
+
 def read_lights(depsgraph) -> tuple[Light, ...]:
     """The lights that a render would use, including instances, in the depsgraph's order.
 

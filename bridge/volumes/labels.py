@@ -58,8 +58,9 @@ class LabelProperties(bpy.types.PropertyGroup):
     label_name: StringProperty(name="Name", description="Name of the segment")
     show: BoolProperty(name="Show", description="Show the voxels of this segment", default=True, update=evaluate_anew)
     use_color: BoolProperty(
-        name="One Color", description="Show this segment in one color. Off shows the colors of its transfer function, "
-        "under Solid those of the volume's", default=False, update=evaluate_anew)  # fmt: skip
+        name="One Color", description="Show all of this segment in the color beside its name. If off, it has the "
+        "colors of its Transfer Function, with Solid those of the volume",
+        default=False, update=evaluate_anew)  # fmt: skip
     color: FloatVectorProperty(
         name="Color", description="Color of the segment", subtype="COLOR", size=3, min=0.0, max=1.0,
         default=(0.8, 0.3, 0.2), update=evaluate_anew)  # fmt: skip

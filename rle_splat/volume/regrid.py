@@ -32,10 +32,10 @@ def on_grid_steps(one: Volume, volume: Volume, values: bool = False):
     Returns
     -------
     Volume
-        ``one`` itself if both have one grid, or if one of them is not in patient space: then voxels of the same index
-        belong together. Else a new volume: voxels in another order are reordered exactly. On another grid each voxel
-        takes the nearest label, 0 outside, or the value between its neighbors, the lowest one outside. ``remarks`` say
-        what was done.
+        ``one`` itself if both have one grid. If one of them is not in patient space, voxels of the same index belong
+        together; if neither is, ``one`` gets the affine of ``volume``. Else a new volume: voxels in another order are
+        reordered exactly. On another grid each voxel takes the nearest label, 0 outside, or the value between its
+        neighbors, the lowest one outside. ``remarks`` say what was done.
 
     Raises
     ------
@@ -43,7 +43,7 @@ def on_grid_steps(one: Volume, volume: Volume, values: bool = False):
         If no voxel of the volume lies within ``one``.
     """
     if PATIENT not in (one.space, volume.space):
-        return one
+        return one if is_same_grid(volume, one) else replace(one, affine=volume.affine)
     name = NAMES[values]
     if one.space != volume.space:
         which = "The volume" if volume.space is None else name

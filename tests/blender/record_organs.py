@@ -68,8 +68,8 @@ def label_lumen(volume) -> None:
     """A label of the descending true lumen, below the line to the false one."""
     frame = bpy.context.scene.camera.data.view_frame(scene=bpy.context.scene)
     high, low = frame[0], frame[2]
-    end = bpy.data.objects["Line to Aorta false lumen"].data.splines[0].points[1].co
-    label(volume, "True lumen", (end.x, end.y - DESCENDING * (high.y - low.y)))
+    x, y = module("operators.callout_objects").end_of(bpy.data.objects["Line to Aorta false lumen"].data)
+    label(volume, "True lumen", (x, y - DESCENDING * (high.y - low.y)))
 
 
 def tutorial_of_organs():

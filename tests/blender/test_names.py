@@ -53,6 +53,11 @@ def seen(point) -> np.ndarray:
     return np.array(world_to_camera_view(bpy.context.scene, bpy.context.scene.camera, Vector(point))[:2])
 
 
+def end_of(line) -> np.ndarray:
+    """The middle of the dot at a line's end, in the picture."""
+    return np.mean([seen(line.matrix_world @ point.co.to_3d()) for point in line.data.splines[1].points], axis=0)
+
+
 def names() -> dict:
     """Text -> its place in the picture, from 0 to 1, and the end of its line."""
     bpy.context.view_layer.update()
@@ -60,8 +65,7 @@ def names() -> dict:
     for one in bpy.context.scene.objects:
         if one.type == "FONT":
             line = bpy.data.objects[f"Line to {one.data.body}"]
-            end = line.matrix_world @ line.data.splines[0].points[1].co.to_3d()
-            found[one.data.body] = seen(one.matrix_world.translation), seen(end)
+            found[one.data.body] = seen(one.matrix_world.translation), end_of(line)
     return found
 
 
@@ -86,6 +90,21 @@ def test_each_segment_that_is_shown_has_a_name_and_a_line_to_what_is_seen(owner,
     depths = [world_to_camera_view(bpy.context.scene, bpy.context.scene.camera, one.matrix_world.translation).z
               for one in parts]  # fmt: skip
     assert max(depths) < 0.14 - 0.024, "names stand before the volume"
+
+
+def test_renders_show_names_lines_and_the_bar_with_a_dark_edge(owner, tmp_path):
+    look()
+    assert bpy.ops.rle_splat.add_names() == bpy.ops.rle_splat.add_letters() == {"FINISHED"}
+    owner.hide_render = True
+    scenes.use_cycles((1200, 900))
+    parts = [one for one in bpy.context.scene.objects if "rle_splat_letters" in one]
+    assert {one.type for one in parts} == {"FONT", "CURVE"} and len(parts) == 8 + 4 + 2
+    for part in parts:
+        for one in parts:
+            one.hide_render = one != part
+        pixels = scenes.rendered(tmp_path / "part.exr")
+        gray = pixels[pixels[..., 3] > 0.0, 0]
+        assert set(gray) == {0.0, 1.0} and 0.2 < gray.mean() < 0.9, part.name
 
 
 def test_a_line_leads_to_the_part_that_others_do_not_hide(owner):
@@ -137,7 +156,7 @@ def test_names_stand_beyond_slices_and_pass_letters_by(owner):
         assert x < min(ends) or x > max(ends), one.name
         assert all(abs(seen(one.matrix_world.translation)[1] - side[1]) > 0.03 for side in sides), one.name
         line = bpy.data.objects[f"Line to {one.data.body}"]
-        begin, end = (seen(line.matrix_world @ point.co.to_3d()) for point in line.data.splines[0].points)
+        begin, end = seen(line.matrix_world @ line.data.splines[0].points[0].co.to_3d()), end_of(line)
         for side in sides:
             share = (side[0] - begin[0]) / (end[0] - begin[0])
             if 0.0 < share < 0.75:
@@ -216,8 +235,7 @@ def test_labels_follow_their_points_and_outlast_letters_and_names(owner):
     assert bpy.ops.rle_splat.add_names() == {"FINISHED"}
     bpy.context.view_layer.update()
     (line,) = (one for one in bpy.context.scene.objects if one.type == "CURVE" and "rle_splat_point" in one)
-    end = seen(line.matrix_world @ line.data.splines[0].points[1].co.to_3d())
-    assert end == pytest.approx(seen(SIDE + (0.004, 0.0, 0.0)), abs=1e-4)
+    assert end_of(line) == pytest.approx(seen(SIDE + (0.004, 0.0, 0.0)), abs=1e-4)
     texts = [one.data.body for one in bpy.context.scene.objects if one.type == "FONT" and "rle_splat_point" in one]
     assert texts == ["Zyste"]
 

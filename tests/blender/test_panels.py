@@ -7,7 +7,6 @@ touches no file; window_panels.py draws them for real.
 import builtins
 import inspect
 import sys
-from itertools import pairwise
 from types import SimpleNamespace
 
 import blf
@@ -240,7 +239,7 @@ def test_volume_shows_facts_curve_ramp_and_buttons(volume_object, monkeypatch, b
 def test_custom_quality_shows_every_knob(volume_object, monkeypatch):
     settings = bpy.context.scene.rle_splat
     assert ("prop", "depth_rule") not in draw_all(monkeypatch)
-    settings.quality = "custom"
+    settings.quality, settings.classification = "custom", "pre"
     log = draw_all(monkeypatch)
     for name in ("classification", "depth_rule", "sheet_density", "kernel", "minification", "warp_filter",
                  "termination", "axis_fade", "model"):  # fmt: skip
@@ -248,20 +247,23 @@ def test_custom_quality_shows_every_knob(volume_object, monkeypatch):
 
 
 def test_a_knob_and_the_classification_that_has_it_are_chosen_together(volume_object, monkeypatch, bridge):
-    """Post is the default; knobs that it has one value of are grayed out, and choosing another value chooses pre."""
+    """Post is the default; knobs that it has one value of are not shown, and setting another value chooses pre."""
     scene, of_pre = bpy.context.scene, bridge("data.settings").OF_PRE
     settings, quality_of = scene.rle_splat, bridge("data.settings").quality_of
     assert quality_of(scene) == quality_of(scene).preset("standard") and quality_of(scene).classification == "post"
     others = {"record": "8", "kernel": "bspline3", "minification": "widen", "model": "opacity"}
     assert set(others) == set(of_pre)
     settings.quality = "custom"
-    log = draw_all(monkeypatch)
-    grayed = {what[1] for before, what in pairwise(log) if before == ("active", False)}
-    assert grayed & {*of_pre, "depth_rule", "sheet_density", "warp_filter", "termination"} == set(of_pre)
+    others_shown = {"depth_rule", "sheet_density", "warp_filter", "termination", "rays", "axis_fade"}
+
+    def shown():
+        return {what for kind, what in draw_all(monkeypatch) if kind == "prop"} & {*of_pre, *others_shown}
+
+    assert shown() == others_shown
     for name, value in others.items():
         setattr(settings, name, value)
         assert settings.classification == "pre" and str(getattr(quality_of(scene), name)) == value
-        assert (("active", False), ("prop", name)) not in pairwise(draw_all(monkeypatch))
+        assert shown() == {*of_pre, *others_shown} - {"rays"}
         settings.classification = "post"  # which takes it back
         assert quality_of(scene).classification == "post" and getattr(settings, name) != value
     settings.quality, settings.kernel = "fine", "bspline3"  # of no account to a quality
@@ -345,6 +347,31 @@ def test_every_window_in_the_menu_has_a_tooltip_of_its_own(volume_object, bridge
     asked = [SimpleNamespace(preset=item.identifier, keep_values=False) for item in presets]
     told = [kind.description(bpy.context, one) for one in (*asked, SimpleNamespace(preset="DATA", keep_values=True))]
     assert len(set(told)) == len(told) == len(presets) + 1 and not any(text.endswith(".") for text in told)
+
+
+@pytest.mark.parametrize(
+    ("unit", "mode", "grays", "of_slices", "offered"),
+    [
+        ("HU", "composite", True, False, 0), ("HU", "composite", False, True, 7), ("HU", "mip", True, False, 7),
+        ("HU", "mip", False, False, 0), ("HU", "xray", True, False, 0), ("SUVbw", "composite", False, False, 4),
+        ("SUVbw", "mip", True, True, 4), ("", "mip", True, True, 0),
+    ],
+)  # fmt: skip
+def test_windows_are_those_of_the_unit_and_windows_of_tissues_are_for_grays(
+    volume_object, monkeypatch, unit, mode, grays, of_slices, offered
+):
+    properties = volume_object.rle_splat
+    properties.value_unit, properties.mode, properties.use_grays = unit, mode, grays
+    properties.slices_follow_window = False
+    windows = scenes.module("operators.window_level")
+    names = windows.windows_of(properties, of_slices)
+    assert len(names) == offered and all(windows.WINDOWS[name][3] == unit for name in names)
+    draw_all(monkeypatch)
+    for name in names:
+        assert bpy.ops.rle_splat.window_level(preset=name, of_slices=of_slices) == {"FINISHED"}
+        held = "slice" if of_slices else "window"
+        found = getattr(properties, f"{held}_center"), getattr(properties, f"{held}_width")
+        assert found == windows.WINDOWS[name][1:3]
 
 
 def test_grayed_buttons_say_why(volume_object):

@@ -64,13 +64,16 @@ def test_indirect_light_is_read_and_reaches_pictures_renders_and_the_live_view(b
     assert np.abs(scenes.rendered(tmp_path / "lit.exr") - rendered).max() > 0.02
 
     def gray():
-        return {what[1] for before, what in pairwise(draw_all(monkeypatch)) if before == ("active", False)}
+        return {what[1] for before, what in pairwise(draw_all(monkeypatch)) if before == ("enabled", False)}
 
-    assert "indirect_light" not in gray()
+    def needs():
+        return "Scattering needs" in " ".join(str(what) for kind, what in draw_all(monkeypatch) if kind == "label")
+
+    assert "indirect_light" not in gray() and not needs()
     settings.use_shadows = False
-    assert "indirect_light" in gray()
+    assert "indirect_light" in gray() and needs()
     settings.use_shadows, settings.quality, settings.classification = True, "custom", "pre"
-    assert "indirect_light" in gray()
+    assert "indirect_light" in gray() and needs()
     scattered, settings.indirect_light = picture(), 0.0
     np.testing.assert_array_equal(scattered, picture())
 

@@ -87,18 +87,19 @@ def test_what_is_measured_is_alone_and_the_tooltips_say_so(volume, addon, bridge
         assert "alone: without meshes and motion blur, and without shadows if Interpolate is Colors" in tooltip
 
 
-def test_B82_a_maximum_error_says_that_it_takes_shadows_away_and_grays_what_it_decides(volume, monkeypatch):
+def test_B82_a_maximum_error_says_that_it_takes_shadows_away_and_hides_or_grays_what_it_decides(volume, monkeypatch):
     scene = bpy.context.scene
     settings = scene.rle_splat
 
     def drawn():
         log = draw_all(monkeypatch)
         said = re.findall(r"Pictures with a Maximum Error have no [^.]*\.", " ".join(texts(log).split("\n")))
-        return said[0] if said else "", {what[1] for before, what in pairwise(log) if before == ("active", False)}
+        gray = {what[1] for before, what in pairwise(log) if before == ("enabled", False)}
+        return said[0] if said else "", gray | planned - {what for kind, what in log if kind == "prop"}
 
+    planned = {"depth_rule", "sheet_density", "warp_filter", "termination", "rays", "axis_fade"}
     settings.quality, settings.classification = "custom", "post"
     said, gray = drawn()
-    planned = {"depth_rule", "sheet_density", "warp_filter", "termination", "rays", "axis_fade"}
     assert not said and not gray & {*planned, "use_shadows", "ambient_occlusion", "quality"}
     settings.max_error = 4.0
     said, gray = drawn()

@@ -126,6 +126,9 @@ def test_labels_without_a_place_are_matched_by_index_and_say_so():
     assert "The segmentation file does not say how it lies in the patient" in found.remarks[0]
     bare = Volume(SCAN.voxels, np.eye(4))
     assert drain(on_grid_steps(labels, bare)) is labels
+    spaced = Volume(SCAN.voxels, np.diag((0.26, 0.26, 0.29, 1.0)))  # as given for a file without a spacing
+    found = drain(on_grid_steps(labels, spaced))
+    assert found.voxels is labels.voxels and np.array_equal(found.affine, spaced.affine)
 
 
 TEXT = """################################################
