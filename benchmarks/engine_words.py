@@ -121,7 +121,7 @@ def markdown(table, where: dict) -> str:
     parts = [
         "The whole call, milliseconds, with the ratio to each peer's in brackets:", "\n".join(wholes),
         "Splat, warp and single rays of it, milliseconds, and encode:", "\n".join(times),
-        "RMSE, levels, against T1 / T2:", "\n".join(errors),
+        "RMSE, in 8-bit steps, against T1 / T2:", "\n".join(errors),
     ]  # fmt: skip
     compared = ratios(table)
     if compared:

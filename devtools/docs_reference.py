@@ -42,6 +42,7 @@ PLACES = {  # (bl_space_type, bl_category or bl_context) -> where a user finds a
 OWN = "Positional arguments", "Options"  # groups of argparse that each command lists itself
 LONG_LIST = 12, 13  # choices, in panels and for scripts; of more, only the names are listed
 IN_LINES = 2  # choices; of more, each has a line of its own
+LONG_TABLE = 20  # properties of a group; of more, there is a table for each panel
 LINE = "<br>"  # between choices that have lines of their own
 IMAGES = ROOT / "docs" / "images"
 DIALOG = "use_dialog"  # which scripts need not set
@@ -55,6 +56,7 @@ BLENDERS = {  # what Blender declares, by the name in a panel
 FILES = {"ImportHelper": "The file to read", "ExportHelper": "The file to write"}  # Blender's bases that have filepath
 OF_VOLUME = "The file, or the folder of a DICOM series"  # of operators that read a volume
 FILE_OPTIONS_AT = "RLE_SPLAT_OT_import_volume"  # the operator that lists the options of a file for all
+FILE_OPTIONS = "How the File Is Read"  # their heading
 GROUPS = {  # a property group -> how a script reaches it
     "SceneSettings": "scene.rle_splat",
     "VolumeProperties": "object.rle_splat",
@@ -279,28 +281,39 @@ def _of_kind(prefix: str) -> list[Declared]:
     return [one for name, one in blender_classes().items() if name.startswith(prefix)]
 
 
-def _meaning(entry: dict, script: bool = False) -> str:
+def _meaning(entry: dict, script: bool = False, explained: bool = False) -> str:
     """A property's tooltip, and its choices as a panel draws them, for scripts after their identifiers.
 
-    Of a long list only the names: presets have a page of their own, and the layers are explained for scripts.
+    Of a long list only the names: presets have a page of their own, and the layers are explained for scripts.  Of
+    choices that are explained elsewhere, identifiers and labels.
     """
     is_long = len(entry["choices"]) > LONG_LIST[script]
-    separator = ", " if is_long else LINE if len(entry["choices"]) > IN_LINES else "; "
+    is_brief = is_long or explained
+    separator = ", " if is_brief else LINE if len(entry["choices"]) > IN_LINES else "; "
     choices = separator.join(
         " ".join([f"`{name}`"] * script + [f"*{label}*"] * (not (is_long and script)))
-        + (f": {text}" if text and not is_long else "")
+        + (f": {text}" if text and not is_brief else "")
         for name, label, text in entry["choices"]
     )  # fmt: skip
     return f"{sentence(entry['description'])}{LINE if separator == LINE else ' '}{choices}".strip()
 
 
-def _property_table(properties: dict[str, dict]) -> str:
-    """The properties of an operator or of a group of settings, by the names that scripts use."""
+def _property_table(properties: dict[str, dict], explained: bool = False) -> str:
+    """The properties of an operator or of a group of settings, by the names that scripts use.
+
+    ``explained``: the page of panels says what the choices do, except those of a list that is long there.
+    """
     rows = [
-        (f"`{name}`", entry["name"], entry["kind"], entry["default"], entry["range"], _meaning(entry, True))
+        (f"`{name}`", entry["name"], entry["kind"], entry["default"], entry["range"],
+         _meaning(entry, True, explained and len(entry["choices"]) <= LONG_LIST[False]))
         for name, entry in properties.items()
-    ]
+    ]  # fmt: skip
     return table(("property", "label", "type", "default", "range", "what it does"), rows)
+
+
+def _options_of_file(properties: dict[str, dict]) -> dict[str, dict]:
+    """Those of the properties that say how a file is read."""
+    return {name: properties[name] for name in blender_classes()["SourceOptions"].properties if name in properties}
 
 
 def operators() -> str:
@@ -314,20 +327,19 @@ def operators() -> str:
             path = {"name": "File Path", "kind": "string",
                     "description": OF_VOLUME if "ReadsFiles" in inherited else FILES[base]}  # fmt: skip
             properties = {"filepath": dict.fromkeys(("default", "range", "choices"), "") | path} | properties
-        if one.name != FILE_OPTIONS_AT and "SourceOptions" in inherited:
-            properties = {name: entry for name, entry in properties.items()
-                          if name not in blender_classes()["SourceOptions"].properties}  # fmt: skip
-            parts.append("Also how the file is read: `shape` to `modality` of [Import Volume](#import-volume).")
-        parts += [_property_table(properties)] if properties else []
+        options = _options_of_file(properties) if "SourceOptions" in inherited else {}
+        own = {name: entry for name, entry in properties.items() if name not in options}
+        if options and one.name != FILE_OPTIONS_AT:
+            parts.append(f"Also [how the file is read](#{_slug(FILE_OPTIONS)}).")
+        parts += [_property_table(own)] if own else []
+        if one.name == FILE_OPTIONS_AT:
+            parts.append(f"### {FILE_OPTIONS}\n\n{_property_table(options)}")
     return "\n\n".join(parts)
 
 
 def panels() -> str:
     """Every panel: its picture, where it is, and what it draws, from the top; choices are explained once."""
-    files: dict[str, list[Declared]] = {}
-    for one in _of_kind("RLE_SPLAT_PT_"):
-        files.setdefault(one.file, []).append(one)
-    in_order = sorted(files.items(), key=lambda entry: _place_in_tab(entry[1][0]))
+    in_order = _in_tab()
     parts = [" · ".join(_link(_text(ours[0], "bl_label")) for _, ours in in_order)]
     explained: dict[str, str] = {}  # a setting with its choices -> the panel that had it first
     for file, ours in in_order:
@@ -381,6 +393,15 @@ def _drawn(name: str, labels: list[str], menu: str) -> str:
     )
 
 
+@cache
+def _in_tab() -> list[tuple[str, list[Declared]]]:
+    """The files of panels with their panels, in the order of the tab."""
+    files: dict[str, list[Declared]] = {}
+    for one in _of_kind("RLE_SPLAT_PT_"):
+        files.setdefault(one.file, []).append(one)
+    return sorted(files.items(), key=lambda entry: _place_in_tab(entry[1][0]))
+
+
 def _place_in_tab(one: Declared) -> tuple:
     """Panels in the order of the tab; those inside others after these, first those that show on their own."""
     parent, own = _text(one, "bl_parent_id"), (_text(one, "bl_order") or 0, one.file)
@@ -415,9 +436,31 @@ def _where(one: Declared) -> str:
 
 def settings() -> str:
     """What a .blend and the preferences hold, by the names that scripts use."""
-    return "\n\n".join(
-        f"## `{path}`\n\n{_property_table(_properties(blender_classes()[group]))}" for group, path in GROUPS.items()
-    )
+    parts = []
+    for group, path in GROUPS.items():
+        properties = _properties(blender_classes()[group])
+        parts.append(f"## `{path}`")
+        parts += _by_panel(properties) if len(properties) > LONG_TABLE else [_property_table(properties)]
+    return "\n\n".join(parts)
+
+
+def _by_panel(properties: dict[str, dict]) -> list[str]:
+    """A heading and a table for each panel that draws some of these, then how a file is read, and the others."""
+    titles: dict[str, list[str]] = {}  # of the panels that draw a property, in the order of the tab
+    for file, ours in _in_tab():
+        for kind, name, _, _ in rows_of(ROOT / file, ours[0].name):
+            if kind == "property":
+                titles.setdefault(name, []).append(_text(ours[0], "bl_label"))
+    grouped: dict[str, dict] = {_text(ours[0], "bl_label"): {} for _, ours in _in_tab()}
+    for name in filter(properties.__contains__, titles):
+        # A property of several panels is of the one in its name, as slice_center of Slices, or of the first.
+        of_name = (title for title in titles[name] if name.startswith(title.lower().removesuffix("s")))
+        grouped[next(of_name, titles[name][0])][name] = properties[name]
+    others = {name: entry for name, entry in properties.items() if name not in titles}
+    options = _options_of_file(others)
+    rest = {FILE_OPTIONS: options, "Others": {name: others[name] for name in others if name not in options}}
+    tables = [(title, group, title in grouped) for title, group in (grouped | rest).items() if group]
+    return [f"### {title}\n\n{_property_table(group, explained)}" for title, group, explained in tables]
 
 
 def licenses() -> str:

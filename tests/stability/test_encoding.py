@@ -119,7 +119,7 @@ def test_S2_flat_thin_and_prime_sizes_equal_the_oracle(record, shape):
     true = truth(scene, "T1", tolerance=1e-6)[0].reshape(32, 32, 4)
     found = difference(render(scene, replace(FINE, sheet_density=8.0)).rgba, true)
     assert true[..., 3].max() > 0.05
-    record("S2", "largest difference from the oracle, levels", found.largest, 0.3)
+    record("S2", "largest difference from the oracle, steps of 255", found.largest, 0.3)
 
 
 def test_S2_a_volume_without_voxels_is_refused(record):
@@ -168,8 +168,8 @@ def test_S3_the_worst_runs_are_drawn_right(record, make, axis, view):
     assert rendering.report["plan"]["base_planes"][0]["principal_axis"].endswith("xyz"[axis])
     found, moved = (difference(rendering.rgba, picture) for picture in (true, np.roll(true, 1, axis=1)))
     assert moved.rmse > 20.0 * found.rmse
-    record("S3", "RMSE of the worst runs from the oracle, levels", found.rmse, 0.05)
-    record("S3", "largest difference of the worst runs from the oracle, levels", found.largest, 0.3)
+    record("S3", "RMSE of the worst runs from the oracle, steps of 255", found.rmse, 0.05)
+    record("S3", "largest difference of the worst runs from the oracle, steps of 255", found.largest, 0.3)
 
 
 @pytest.mark.parametrize("make", (checkerboard, solid))
@@ -253,7 +253,7 @@ def test_S4_the_far_end_of_a_long_volume_is_drawn_as_if_it_were_all(record, long
     assert whole.report["volume"]["visible_voxels"] == alone.report["volume"]["visible_voxels"] > 20
     assert alone.rgba[..., 3].max() > 0.3
     off = 255.0 * np.abs(whole.rgba - alone.rgba).max()
-    record("S4", "the end of 70,000 voxels against the same alone, levels", off, 1.0, "float32",
+    record("S4", "the end of 70,000 voxels against the same alone, steps of 255", off, 1.0, "float32",
            "positions are float64 in either, sums as chosen by the number of sheets")  # fmt: skip
 
 
@@ -308,7 +308,7 @@ def test_S5_a_volume_of_more_than_32_bits_of_voxels(record, tmp_path):
         alone, whole = (render(close_up(one, axis, corner + 5.0), QUALITY).rgba for one in (Volume(end, shift), stored))
         assert alone[..., 3].max() > 0.3
         off = 255.0 * np.abs(whole - alone).max()
-        record("S5", "the end of 2^31 voxels against the same alone, levels", off, 1.0, "float32",
+        record("S5", "the end of 2^31 voxels against the same alone, steps of 255", off, 1.0, "float32",
                "positions are float64 in either, sums as chosen by the number of sheets")  # fmt: skip
 
 

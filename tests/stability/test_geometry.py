@@ -114,7 +114,7 @@ def test_C1_ties_between_axes_are_decided_and_do_not_matter(record, name):
         )
     alphas = [by_axis(scene, axis, ROUND)[..., 3] for axis in tied]
     apart = max(np.abs(a - alphas[0]).max() for a in alphas[1:]) / LEVEL
-    record("C1", "levels that alpha depends on the axis by, integrated in depth", apart, 0.1)
+    record("C1", "steps of 255 that alpha depends on the axis by, integrated in depth", apart, 0.1)
 
 
 @pytest.mark.parametrize("azimuth", (20.0, 37.0, 45.0))
@@ -133,16 +133,16 @@ def test_C2_a_small_turn_makes_a_small_difference(record, plan, azimuth, perspec
         if azimuth == 45.0:
             record(
                 "C2",
-                "levels beyond K d after a turn by 1e-1 to 1e-12 at the switch",
+                "steps of 255 beyond K d after a turn by 1e-1 to 1e-12 at the switch",
                 (change - 12.0 * step) / LEVEL,
                 1.0,
             )
             continue
         beyond = (change - 12.0 * step) / LEVEL
         if plan.classification == "pre":
-            record("C2", "levels beyond K d after a turn by 1e-1 to 1e-12", beyond, 1e-3)
+            record("C2", "steps of 255 beyond K d after a turn by 1e-1 to 1e-12", beyond, 1e-3)
         else:
-            record("C2", "levels beyond K d after a turn, post-classified", beyond, 0.1, looser=NEAREST)
+            record("C2", "steps of 255 beyond K d after a turn, post-classified", beyond, 0.1, looser=NEAREST)
 
 
 @pytest.mark.parametrize("perspective", (False, True), ids=("ortho", "perspective"))
@@ -155,7 +155,7 @@ def test_C3_a_full_turn_in_steps_of_a_degree(record, plan, perspective):
     beside = np.maximum.reduce([np.roll(steps, n) for n in (-3, -2, 2, 3)])
     record(
         "C3",
-        "levels by which a step over a switch exceeds those beside it",
+        "steps of 255 by which a step over a switch exceeds those beside it",
         ((steps - beside)[switches]).max() / LEVEL,
         1.0,
     )
@@ -379,7 +379,7 @@ def test_C17_pictures_of_a_single_pixel_row_or_column(record, plan, size, way):
         assert whole.rgba.shape == (size[1], size[0], 4)
         assert true[..., 3].max() > 0.1
         error = np.abs(whole.rgba.reshape(-1, 4) - true).max() / LEVEL
-        record("C17", "levels from the reference in pictures 1 to 300 pixels long and 1 or 2 wide", error, 2.0)
+        record("C17", "steps of 255 from the reference in pictures 1 to 300 pixels long and 1 or 2 wide", error, 2.0)
         for column, row in ((0, 0), (size[0] - 1, size[1] - 1), (size[0] // 2, size[1] // 2)):
             crop = render(replace(scene, crop=(column, row, column + 1, row + 1)), quality)
             differs = (bits(crop.rgba[0, 0]) != bits(whole.rgba[row, column])).sum()
@@ -403,7 +403,7 @@ def test_C17_parts_of_a_frame_of_16384_pixels(record, plan):
     columns, rows = np.array((8000, 8063, 8031)), np.array((8100, 8100, 8140))
     true = truth(scene, TRUE[plan.classification], pixels=(columns + 0.5, rows + 0.5))[0]
     error = np.abs(one.rgba[rows - 8100, columns - 8000] - true).max() / LEVEL
-    record("C17", "levels from the reference in parts of a frame of 16,384 pixels", error, 1.0)
+    record("C17", "steps of 255 from the reference in parts of a frame of 16,384 pixels", error, 1.0)
 
 
 @pytest.mark.parametrize("direction", ((1.0, 0.0, 0.0), (0.6, -0.3, 0.7), (-1.0, 1.0, 1.0)))

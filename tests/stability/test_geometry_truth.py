@@ -58,7 +58,7 @@ def true_picture(scene, name, plan=FINE):
 
 
 def errors(scene, name, plan=FINE):
-    """(root mean square, largest) levels from the reference."""
+    """(root mean square, largest) steps of 255 from the reference."""
     rgba = render(scene, plan).rgba
     assert np.isfinite(rgba).all()
     off = (rgba[1::3, 1::3] - true_picture(scene, name, plan)) / LEVEL
@@ -95,8 +95,8 @@ def test_C8_voxels_a_thousand_times_as_long_as_wide(record, plan, stretch, direc
     record("C8", "sheets of 16 slices, Gauss's rule", max(plane["sheets"] for plane in planes), 34)
     record("C8", "sheet pixels per picture pixel", max(p["width"] * p["height"] for p in planes) / 3600, 16)
     rms, largest = errors(scene, name, plan)
-    record("C8", "rms levels from the reference at 1:1000", rms, 0.5)
-    record("C8", "levels from the reference at 1:1000", largest, 8.0)
+    record("C8", "rms steps of 255 from the reference at 1:1000", rms, 0.5)
+    record("C8", "steps of 255 from the reference at 1:1000", largest, 8.0)
 
 
 LEAN = np.array(((1.0, 1.5, 0.0), (0.0, 1.0, -0.8), (0.0, 0.0, 1.0)))
@@ -114,8 +114,8 @@ def test_C9_sheared_and_mirrored_matrices(record, plan, name, kind):
     )
     scene = STAGE.before(volume_for(plan, FIELD, linear), camera, (60, 60))
     rms, largest = errors(scene, ("C9", name, kind), plan)
-    record("C9", "rms levels from the reference, sheared and mirrored", rms, 0.1)
-    record("C9", "levels from the reference, sheared and mirrored", largest, 1.0)
+    record("C9", "rms steps of 255 from the reference, sheared and mirrored", rms, 0.1)
+    record("C9", "steps of 255 from the reference, sheared and mirrored", largest, 1.0)
 
 
 @pytest.mark.parametrize("name", MATRICES)
@@ -139,7 +139,7 @@ def test_C9_normals_go_by_the_inverse_transpose(record, name):
     upright = ball(0.8 * np.eye(3))
     assert upright[..., 3].max() > 0.9 and np.ptp(upright[20:28, 20:28, 0]) < 0.5
     error = float(np.sqrt(((ball(linear) - upright) ** 2).mean())) / LEVEL
-    record("C9", "rms levels between a lit ball on a sheared grid and on an upright one", error, 2.0)
+    record("C9", "rms steps of 255 between a lit ball on a sheared grid and on an upright one", error, 2.0)
 
 
 @pytest.mark.parametrize("axis", (0, 1, 2))
@@ -235,7 +235,7 @@ def test_C11_moving_the_eye_across_a_slice_is_continuous(record, plan, where):
     pictures = [seen(where + d) for d in (-2e-3, -5e-4, -1e-7, 0.0, 1e-7, 5e-4, 2e-3)]
     jump = max(np.abs(b - a).max() for a, b in pairwise(pictures)) / LEVEL
     assert pictures[0].max() > 0.3
-    record("C11", "levels by which an eye's step of 1e-7 to 2e-3 across a slice changes the picture", jump, 1.0)
+    record("C11", "steps of 255 by which an eye's step of 1e-7 to 2e-3 across a slice changes the picture", jump, 1.0)
 
 
 def test_C12_no_mirrored_ghost_behind_the_eye(record, plan):
@@ -277,8 +277,8 @@ def test_C13_clip_planes_inside_the_volume(record, plan, kind, clip):
         clip_end=clip[1],
     )  # fmt: skip
     rms, largest = errors(STAGE.before(volume_for(plan), camera, (66, 66)), ("C13", kind, clip), plan)
-    record("C13", "rms levels from the reference with clip planes inside", rms, 0.2)
-    record("C13", "levels from the reference with clip planes inside", largest, 2.0)
+    record("C13", "rms steps of 255 from the reference with clip planes inside", rms, 0.2)
+    record("C13", "steps of 255 from the reference with clip planes inside", largest, 2.0)
 
 
 @pytest.mark.parametrize("side", ("start", "end"))
@@ -322,8 +322,8 @@ def test_C13_the_depth_of_a_medium_that_a_clip_plane_cuts(record, rule, classifi
 @pytest.mark.parametrize("eye", ("outside", "anywhere", "on a voxel", "on the face"))
 def test_C15_fields_of_view_of_170_degrees(record, plan, eye):
     rms, largest = errors(from_eye(plan, EYES[eye], 170.0), ("C15", eye), plan)
-    record("C15", "rms levels from the reference, 170 degrees wide", rms, 0.1)
-    record("C15", "levels from the reference, 170 degrees wide", largest, 1.0)
+    record("C15", "rms steps of 255 from the reference, 170 degrees wide", rms, 0.1)
+    record("C15", "steps of 255 from the reference, 170 degrees wide", largest, 1.0)
 
 
 @pytest.mark.parametrize("shift", ((5.0, 0.0), (-5.0, 0.0), (0.0, 5.0), (0.0, -5.0), (1.5, -2.5)), ids=str)
@@ -341,5 +341,5 @@ def test_C15_lens_shift_and_pixel_aspect(record, plan, shift, kind):
         shift_y=shift[1], clip_start=0.1, clip_end=1e4, pixel_aspect=(1.0, 2.0),
     )  # fmt: skip
     rms, largest = errors(STAGE.before(volume_for(plan), camera, (66, 33)), ("C15", shift, kind), plan)
-    record("C15", "rms levels from the reference, lens shifted by 5, pixels 1:2", rms, 0.6)
-    record("C15", "levels from the reference, lens shifted by 5, pixels 1:2", largest, 6.0)
+    record("C15", "rms steps of 255 from the reference, lens shifted by 5, pixels 1:2", rms, 0.6)
+    record("C15", "steps of 255 from the reference, lens shifted by 5, pixels 1:2", largest, 6.0)

@@ -237,7 +237,7 @@ def test_P2_sheets_of_any_medium_are_as_the_oracle_has_them(record, width, class
     {"pre": search_pre_sheets, "post": search_post_sheets}[classification]()
     bounds = SHEET_BOUNDS[classification]
     for what, figure, bound in zip(("rms", "largest"), WORST[classification], bounds, strict=True):
-        claim, why = f"{what} error of 16 sheets a voxel, {classification}, ray by ray, levels", "as pre has it"
+        claim, why = f"{what} error of 16 sheets a voxel, {classification}, ray by ray, steps of 255", "as pre has it"
         record("P2", claim, figure, bound, width, why if classification == "post" else "")
 
 
@@ -277,7 +277,7 @@ def test_P3_pictures_of_smooth_media_keep_to_the_bound_of_their_preset(record):
     search_pictures()
     for preset, bounds in PICTURE_BOUNDS.items():
         for what, figure, bound in zip(("rms", "largest"), WORST[preset], bounds, strict=True):
-            claim = f"{what} error of a picture of a smooth medium, {preset}, levels"
+            claim = f"{what} error of a picture of a smooth medium, {preset}, steps of 255"
             record("P3", claim, figure, bound, "float32", why="as P2 has it")
 
 

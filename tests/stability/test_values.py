@@ -62,7 +62,7 @@ def test_V2_all_opaque(record, width, model, termination, way):
         width,
     )
     color = picture.rgba[..., :3] / picture.rgba[..., 3:]
-    record("V2", "error of its color, levels", 255.0 * np.abs(color - (0.5, 1.0, 0.0)).max(), 0.01, width)
+    record("V2", "error of its color, steps of 255", 255.0 * np.abs(color - (0.5, 1.0, 0.0)).max(), 0.01, width)
     # The camera is 10 before the first slice, whose sheet is a voxel thick: light is gone before the second.
     behind = picture.depth.max() - 10.0 - 1.0
     record("V2", "voxels behind the first slice at which half the light is left", max(behind, 0.0), 0.5, width)
@@ -328,7 +328,7 @@ def test_V15_the_world_may_be_of_any_size(record, width, classification, way):
     assert pictures[1][..., 3].max() > 0.5
     for picture in pictures[::2]:
         worst = difference(picture, pictures[1]).largest
-        record("V15", f"world scaled by 1e-12 and 1e12{finer}: difference, levels", worst, bound, width)
+        record("V15", f"world scaled by 1e-12 and 1e12{finer}: difference, steps of 255", worst, bound, width)
 
 
 def test_every_value_is_told_from_its_neighbors():

@@ -119,7 +119,7 @@ def test_V7_infinities_take_the_nearest_end_however_classified(record, slope, cl
     assert pictures[1][..., 3].max() > 0.3
     record(
         "V7",
-        "difference from data clamped to the ends, levels",
+        "difference from data clamped to the ends, steps of 255",
         255.0 * np.abs(pictures[0] - pictures[1]).max(),
         1e-3,
         "float32",
@@ -141,7 +141,7 @@ def test_V9_data_at_and_beyond_the_ends_however_classified(record, far, dtype, c
     ]
     assert pictures[0][..., 3].max() > 0.5
     worst = 255.0 * np.abs(pictures[1] - pictures[0]).max()
-    claim = "difference of a block beyond the ends from one at them, levels"
+    claim = "difference of a block beyond the ends from one at them, steps of 255"
     record("V9", claim, worst, 1e-3, "float32", "scalars of sheets are float32")
 
 
@@ -182,7 +182,7 @@ def test_V8_a_constant_volume_is_symmetric(record, way):
     picture = columns(replace(scene, headlight=True))
     worst = max(np.abs(picture - np.flip(picture, axis)).max() for axis in (0, 1))
     worst = max(worst, np.abs(picture - picture.transpose(1, 0, 2)).max())
-    record("V8", "asymmetry of its picture, levels", 255.0 * worst, 0.0)
+    record("V8", "asymmetry of its picture, steps of 255", 255.0 * worst, 0.0)
 
 
 @every_finer
@@ -195,7 +195,7 @@ def test_V8_a_constant_volume_is_symmetric_however_classified(record, classifica
     if classification == "pre":  # with post the faces of its box are lit
         record("V8", f"{BITS} of the shaded picture from the unshaded", unlike(*pictures), 0)
     worst = max(np.abs(each - np.flip(each, axis)).max() for each in pictures for axis in (0, 1))
-    record("V8", f"asymmetry of its picture, {classification}, levels", 255.0 * worst, 0.01)
+    record("V8", f"asymmetry of its picture, {classification}, steps of 255", 255.0 * worst, 0.01)
 
 
 @pytest.mark.parametrize("dtype, mean, worst", (("float32", 0.35, 0.8), ("uint8", 0.4, 1.0)))
@@ -407,7 +407,7 @@ def test_V12_beside_one_extreme_voxel_values_are_as_exact_as_float32(record, dty
     ]
     assert pictures[1][..., 3].max() > 0.3
     worst = 255.0 * np.abs(pictures[0] - pictures[1]).max()
-    claim = f"difference of {dtype} with an extreme voxel from the same in float32, levels"
+    claim = f"difference of {dtype} with an extreme voxel from the same in float32, steps of 255"
     record("V12", claim, worst, bound, "float32", "scalars of sheets are float32")
 
 
