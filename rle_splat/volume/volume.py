@@ -4,6 +4,7 @@ import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
@@ -35,7 +36,7 @@ class NamedLabel:
 
     label: int
     name: str
-    color: tuple | None = None
+    color: tuple[float, float, float] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,16 +106,16 @@ class Volume:
     modality: str | None = None
     background: float = 0.0
     name: str = ""
-    remarks: tuple = field(default=())
+    remarks: tuple[str, ...] = ()
     space: str | None = None
     frames: int = 1
     frame_axis: str = "time"
-    color: tuple | None = None
-    named_labels: tuple = ()
+    color: tuple[float, float, float] | None = None
+    named_labels: tuple[NamedLabel, ...] = ()
     series: str = ""
     place_key: str = ""
-    levels: tuple = ()
-    data_files: tuple = ()
+    levels: tuple[tuple[int, int, int], ...] = ()
+    data_files: tuple[Path, ...] = ()
     measured: dict = field(default_factory=dict, init=False, repr=False, compare=False)
 
     holds_values: ClassVar[bool] = True  # values, not voxels that are classified already
