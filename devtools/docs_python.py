@@ -17,6 +17,7 @@ from .docs_markdown import sentence, table
 from .places import ROOT
 
 INNER = {  # members that only the package itself uses
+    "Scene": ("shines", "hides_volume"),
     "StageCache": ("job", "has", "keeps", "contents", "make_room", "has_plenty"),
     "StoredVolume": ("of", "stand_in", "tables_steps"),
 }

@@ -135,8 +135,6 @@ class Scene:
     channels : tuple of Channel
         Further volumes on the same grid. Extinctions are added; colors are averaged by extinction, or added where the
         volumes have colors and no transfer function shades.
-    reasons_off : dict of str to str
-        Effect name -> why the scene was made without it, for reports only.
 
     Raises
     ------
@@ -172,7 +170,7 @@ class Scene:
     indirect_light: float = 0.0
     labels: Labels | None = None
     channels: Sequence[Channel] = ()
-    reasons_off: dict[str, str] = field(default_factory=dict)
+    reasons_off: dict[str, str] = field(default_factory=dict)  # effect -> why it was left out, for reports alone
 
     def __post_init__(self):
         refuse_array(self.volume)
