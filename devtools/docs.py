@@ -27,6 +27,11 @@ def pages() -> list[Path]:
     return [ROOT / "README.md", *sorted(PAGES.rglob("*.md"))]
 
 
+def python_of(page: Path) -> str:
+    """The blocks of Python code in a page, which go on one after the other."""
+    return "".join(re.findall(r"^```python\n(.*?)^```", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL))
+
+
 def broken_links(page: Path, text: str) -> list[str]:
     """Sentences on relative links in Markdown that lead to no file of this repository.
 

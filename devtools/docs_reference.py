@@ -16,7 +16,7 @@ import re
 from collections import Counter
 from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, partial
 from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
@@ -27,10 +27,9 @@ from rle_splat.read.format import LEVEL, MEANING_OPTIONS, PLACE_OPTIONS
 from rle_splat.read.formats import FORMATS
 from rle_splat.runtime.cache_folder import RELEASE
 
-from . import docs_panels
+from . import docs_panels, docs_python
 from .docs_markdown import sentence, table
 from .docs_panels import A_NAME, AN_ICON, rows_of
-from .docs_python import python
 from .licenses import bundled
 from .places import ROOT
 
@@ -470,8 +469,9 @@ def licenses() -> str:
 
 
 PARTS = {
-    "command line": command_line, "presets": presets, "formats": formats, "python": python, "operators": operators,
-    "panels": panels, "settings": settings, "licenses": licenses,
+    "command line": command_line, "presets": presets, "formats": formats, "python": docs_python.index,
+    **{f"python {task}": partial(docs_python.names_of, task) for task in docs_python.TASKS},
+    "operators": operators, "panels": panels, "settings": settings, "licenses": licenses,
 }  # fmt: skip
 
 
@@ -497,7 +497,7 @@ def filled(text: str) -> str:
 
 def outdated() -> dict[Path, str]:
     """The pages that are not as the code has it, with what they should be."""
-    pages = {page: page.read_text(encoding="utf-8") for page in (*sorted(PAGES.glob("*.md")), *WITH_VERSION)}
+    pages = {page: page.read_text(encoding="utf-8") for page in (*sorted(PAGES.rglob("*.md")), *WITH_VERSION)}
     return {page: new for page, old in pages.items() if (new := filled(old)) != old}
 
 

@@ -7,9 +7,11 @@ the data folder (``RLE_SPLAT_DATA``); without it, the practice scan.
 from __future__ import annotations
 
 import contextlib
+import io
 import json
 import os
 import re
+import shutil
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -21,11 +23,13 @@ import rle_splat as rs
 from rle_splat.classify.presets import PRESETS
 from rle_splat.scene.display import to_bytes
 
+from .docs import python_of
 from .gallery_pictures import save_jpeg
 from .places import OUT, ROOT
 from .sheets import sheet
 
 FOLDER = OUT / "figures"
+PYTHON_TUTORIAL = ROOT / "docs" / "tutorial" / "first-figure-from-python.md"
 TUTORIAL = ROOT / "docs" / "tutorial" / "first-picture-from-the-command-line.md"
 SKULL = "dicom_ct_skull_phantom_512x512x140"
 BRAIN = "flair_brain_124x160x140_uint8.nrrd"
@@ -33,6 +37,7 @@ VIEWS = ((0, 0), (90, 0), (180, 0))  # azimuth and elevation
 OBLIQUE = ("--azimuth", "30", "--elevation", "15", "--fit", "0.95")
 SMALL, POSTER, EYE = 360, 3600, (735, 2470)  # pixels: a picture's side, a poster's, and where a part of it begins
 PYTHON = 480  # pixels: a side of the pictures of the page on Python
+LARGEST = 900, 1400  # pixels: width and height of a figure
 TILE, WORKERS = 90, ("#4477aa", "#ee6677", "#228833", "#ccbb44")  # pixels; a color for each
 MOST_BYTES, BLACK, GRAY = 80_000, (0.0, 0.0, 0.0), "#303030"
 ABOVE_LEFT = (-0.7, 0.8, 0.8)  # of a camera: the sun of the turntable
@@ -121,9 +126,7 @@ def beside(folder: Path, name: str, pictures: dict[str, Image.Image], most: int 
 
 
 def picture_and_depth(folder: Path) -> None:
-    """The picture, the depth and the cut picture of the page on Python, as that page makes them, but for the transfer
-    function."""
-
+    """how-to-python.jpg: a picture and its depth as the page on Python makes them, and one that is lit and cut."""
     volume = rs.read_volume(skull_words(folder)[0])
     camera, matrix = rs.turntable(volume, azimuth=30, elevation=20, fit=0.95)
     function = rs.TransferFunction.from_json(folder / "bone.json")
@@ -174,24 +177,27 @@ def opening(folder: Path) -> None:
                    loop=0, quality=72, method=6, kmin=0, kmax=1)  # fmt: skip
 
 
-def python_of_the_readme() -> str:
-    """The blocks of Python code in the README, which go on one after the other."""
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    return "".join(re.findall(r"^```python\n(.*?)^```", text, re.M | re.S))
-
-
-def example_of_the_readme(folder: Path) -> None:
-    """readme-python.jpg: what the Python code of the README makes of a brain."""
-    scan = data_folder() / BRAIN
-    if not scan.is_file():
-        return
-    made, names = folder / "readme-python.png", {}
-    own = folder / "readme"  # its files may have the names of others
-    own.mkdir(exist_ok=True)
+def run_page(page: Path, own: Path, name: str) -> None:
+    """Run the Python code of a page on a brain, in a folder of its own; ``name``.jpg beside it is the page's figure."""
+    shutil.rmtree(own, ignore_errors=True)
+    own.mkdir()
+    shutil.copyfile(data_folder() / BRAIN, own / "FLAIR.nrrd")
+    names = {}
     with contextlib.chdir(own):
-        exec(python_of_the_readme().replace("FLAIR.nrrd", scan.resolve().as_posix()), names)
-    made.write_bytes(names["figure"]._repr_png_())
-    save_jpeg(Image.open(made).convert("RGB"), made.with_suffix(".jpg"), MOST_BYTES)
+        exec(python_of(page), names)
+    figure = Image.open(io.BytesIO(names["figure"]._repr_png_())).convert("RGB")
+    figure.thumbnail(LARGEST, Image.Resampling.LANCZOS)
+    save_jpeg(figure, own.parent / f"{name}.jpg", MOST_BYTES)
+
+
+def python_examples(folder: Path) -> None:
+    """What the Python code of the README and of the tutorial make; with the data folder alone."""
+    if not (data_folder() / BRAIN).is_file():
+        return
+    run_page(ROOT / "README.md", folder / "readme", "readme-python")
+    run_page(PYTHON_TUTORIAL, folder / "tutorial", "first-python-figure")
+    halves = {name: Image.open(folder / "tutorial" / name).reduce(2) for name in ("lit.png", "cut.png")}
+    beside(folder, "first-python", halves)
 
 
 def from_parts(folder: Path) -> None:
@@ -216,7 +222,7 @@ def from_parts(folder: Path) -> None:
         draw.rectangle((x + 1, y + 1, x + TILE - 2, y + TILE - 2), outline=color, width=3)
     beside(folder, "how-to-tiles", {"Tiles of four workers": tiled, "The picture": whole})
     picture_and_depth(folder)
-    example_of_the_readme(folder)
+    python_examples(folder)
     turn(folder)
     effects(folder)
     strip(folder)

@@ -26,7 +26,7 @@ from .classify.transfer_function import Shade as Shade
 from .classify.transfer_function import GradientOpacity as GradientOpacity
 from .classify.foreign import FileFunction as FileFunction
 
-# what is in the picture
+# scene
 from .scene import Scene as Scene
 from .view.turntable import turntable as turntable
 from .view.turntable import turntable_aim as turntable_aim

@@ -61,7 +61,7 @@ def default_transfer_function(volume: Volume) -> tuple[TransferFunction, str]:
     -------
     function : TransferFunction
         In the volume's values.
-    reason : str
+    remark : str
         One sentence that explains the choice.
     """
     return drain(default_transfer_function_steps(volume))

@@ -33,7 +33,7 @@ class FileFunction:
     """
 
     function: TransferFunction
-    remarks: tuple = ()
+    remarks: tuple[str, ...] = ()
 
 
 def number(value, what: str) -> float:

@@ -52,7 +52,7 @@ class LabelStyle:
     label: int
     name: str = ""
     hidden: bool = False
-    color: tuple | None = None
+    color: Sequence[float] | None = None
     preset: str | None = None
     transfer_function: TransferFunction | None = None
     opacity: float = 1.0

@@ -9,6 +9,7 @@ voxels interpolate classified voxels, as in the paper's pipeline.
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -38,7 +39,7 @@ from .reference import WORD, mix, pack
 from .visible import VisibleVoxels
 
 if TYPE_CHECKING:
-    from ..scene import Labels
+    from ..scene import Channel, Labels
     from ..volume.volume import Volume
     from .transfer_function import TransferFunction
 
@@ -230,7 +231,7 @@ class Mixture:
     volume: Volume
     tf: TransferFunction
     labels: Labels | None = None
-    channels: tuple = ()
+    channels: Sequence[Channel] = ()
 
     @cached_property
     def _parts(self) -> tuple[_Part, ...]:

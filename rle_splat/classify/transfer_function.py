@@ -11,6 +11,7 @@ import hashlib
 import json
 import math
 import os
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -127,7 +128,7 @@ class GradientOpacity:
 
     low: float = 0.0
     high: float = 1.0
-    curve: tuple = RAMP
+    curve: Sequence[Sequence[float]] = RAMP
 
     def __post_init__(self):
         for name in ("low", "high"):
@@ -219,8 +220,8 @@ class TransferFunction:
 
     name: str = ""
     unit: str | None = None
-    opacity: tuple = ()
-    color: tuple = ()
+    opacity: Sequence[Sequence[float]] = ()
+    color: Sequence[Sequence[float]] = ()
     opacity_unit_distance: float | None = None
     shade: Shade | None = field(default_factory=Shade)
     gradient_opacity: GradientOpacity | None = None

@@ -15,10 +15,12 @@ REPEATS = 3
 
 
 def add_arguments(parser) -> None:
+    from ..comparison.table import SYSTEMS
+
     options.add_volume_argument(parser)
     parser.add_argument(
         "--system", action="append", metavar="NAME",
-        help="compare only this system; repeatable, the others are measured against the first one",
+        help=f"compare only this system: {', '.join(SYSTEMS)}; repeatable, the others are measured against the first",
     )  # fmt: skip
     parser.add_argument("--probes", type=int, default=PROBES, metavar="N", help=f"pixels to measure ({PROBES})")
     parser.add_argument("--repeats", type=int, default=REPEATS, metavar="N", help=f"frames to time ({REPEATS})")

@@ -21,7 +21,7 @@ from ..shade.environment import panorama_moments
 from .rows import ROW_WRITERS
 
 
-def read_environment(path: str | PathLike) -> tuple[tuple, Environment]:
+def read_environment(path: str | PathLike) -> tuple[tuple[float, float, float], Environment]:
     """Read a picture of the light from all directions, for ``world`` and ``environment`` of ``Scene``.
 
     Parameters

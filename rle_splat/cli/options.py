@@ -170,13 +170,20 @@ def add_light_options(parser) -> None:
     )
 
 
+def _effect_names() -> dict[str, str]:
+    """Effects as they are typed, with hyphens, and their names."""
+    from ..effects.analyze import EFFECTS
+
+    return {name.replace(" ", "-"): name for name in EFFECTS}
+
+
 def add_effect_options(parser) -> None:
     """Add the option that forces effects on or off."""
     group = parser.add_argument_group("effects")
     group.add_argument(
         "--effect", action="append", default=[], metavar="NAME=on|off|auto",
         help="force an effect on or off, several times if needed; auto (the default) uses it if the scene needs it; "
-        "give an unknown name to list all",
+        f"names: {', '.join(_effect_names())}",
     )  # fmt: skip
 
 
@@ -188,15 +195,16 @@ def effects_from(args) -> dict[str, bool]:
     dict of str to bool
         Name of an effect to its forced state; the last --effect of a name counts.
     """
-    from ..effects.analyze import check_overrides
-
-    overrides = {}
+    names, overrides = _effect_names(), {}
     for given in args.effect:
         name, _, state = given.partition("=")
         if state not in EFFECT_STATES:
             raise RleSplatError(f"--effect is {given!r}; give NAME=on, NAME=off or NAME=auto.")
-        overrides[name.strip().replace("_", " ").replace("-", " ")] = EFFECT_STATES[state]
-    return {name: on for name, on in check_overrides(overrides).items() if on is not None}
+        typed = re.sub("[ _]", "-", name.strip())
+        if typed not in names:
+            raise RleSplatError(f"There is no effect called {name!r}; choose {', '.join(names)}.")
+        overrides[names[typed]] = EFFECT_STATES[state]
+    return {name: on for name, on in overrides.items() if on is not None}
 
 
 def add_turntable_options(parser) -> None:

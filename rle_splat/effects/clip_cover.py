@@ -1,5 +1,7 @@
 """The share of each voxel that clip objects keep, for shadows: what is cut away casts none."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ..classify.visible import VisibleVoxels
@@ -8,7 +10,7 @@ from ..scene import Clip
 AT_ONCE = 1 << 16  # voxels looked at together, between two chances to cancel, 10 ms for each clip
 
 
-def cover_steps(clips: tuple[Clip, ...], voxels: VisibleVoxels, matrix):
+def cover_steps(clips: Sequence[Clip], voxels: VisibleVoxels, matrix):
     """Generator of fractions done: find the share of each voxel that all clip objects keep.
 
     Parameters

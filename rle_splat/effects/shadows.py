@@ -9,7 +9,7 @@ means of it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
@@ -22,6 +22,7 @@ from ..encode.scalars import in_scanlines, scalar_table_steps
 from ..runtime.array_hash import hash_array
 from ..runtime.buffer_pool import empty
 from ..runtime.steps import map_steps
+from ..scene import Clip
 from ..shade.light_nodes import lit_nodes_steps, shade_nodes_steps
 from ..shade.light_rays import Bricks, Cuts, trace_steps
 from ..shade.light_samples import fixed_samples, light_samples, sky_directions
@@ -71,7 +72,7 @@ class Occluders:
     table_steps: Callable[[int], Iterator]
     matrix: np.ndarray
     triangles: np.ndarray | None
-    clips: tuple
+    clips: Sequence[Clip]
     medium_key: tuple
     boxed: bool
     threads: int = 0

@@ -177,8 +177,8 @@ class StoredVolume:
 
     path: Path | None
     classification: str
-    shape_xyz: tuple
-    principal_axes: tuple
+    shape_xyz: tuple[int, int, int]
+    principal_axes: tuple[int, ...]
     model: str
     record: int
     affine: np.ndarray
@@ -187,7 +187,7 @@ class StoredVolume:
     transfer_function: TransferFunction
     lighting: object
     source: str
-    remarks: tuple
+    remarks: tuple[str, ...]
     space: str | None
     visible_voxels: int
     nan_voxels: int

@@ -66,7 +66,7 @@ def make_figure(
     style : FigureStyle, optional
         Sizes, colors and lettering. Left out, ``FigureStyle()``.
     quality : Quality or str, optional
-        As ``render`` takes it.
+        Of the pictures, as ``render`` takes it. Left out, "standard".
     fill : bool
         Whether orthographic views are moved and get one scale at which what is visible fills the pictures; else they
         are those of the cameras.

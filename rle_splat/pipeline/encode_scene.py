@@ -25,7 +25,8 @@ def encode(
     scene : Scene
         Its volume, transfer function and light count.
     quality : Quality or str, optional
-        As ``render`` takes it. Its model, record and threads count; tables always hold pre-classified voxels.
+        As ``render`` takes it. Left out, "standard". Its model, record and threads count; tables always hold
+        pre-classified voxels.
     axes : sequence of int
         Principal axes to encode, 0, 1, 2 for x, y, z.
     source : str

@@ -36,7 +36,7 @@ def estimate_memory(
     transfer_function : TransferFunction
         That of the scene, which decides on the visible voxels.
     quality : Quality or str, optional
-        As ``render`` takes it.
+        As ``render`` takes it. Left out, "standard".
     axes : int
         How many principal axes are held, mostly one.
     shaded : bool, optional

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from os import PathLike
@@ -77,13 +78,13 @@ class Camera:
     shift_y: float = 0.0
     clip_start: float = 0.1
     clip_end: float = 1e5
-    pixel_aspect: tuple = (1.0, 1.0)
+    pixel_aspect: Sequence[float] = (1.0, 1.0)
     aperture_radius: float = 0.0
     focus_distance: float | None = None
     aperture_blades: int = 0
     aperture_rotation: float = 0.0
     aperture_ratio: float = 1.0
-    slant: tuple = (0.0, 0.0)
+    slant: Sequence[float] = (0.0, 0.0)
 
     def __post_init__(self):
         put = partial(object.__setattr__, self)

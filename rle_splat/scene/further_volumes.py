@@ -65,8 +65,8 @@ class Labels:
     """
 
     volume: Volume
-    functions: dict = field(default_factory=dict)
-    names: dict = field(default_factory=dict)
+    functions: dict[int, TransferFunction | None] = field(default_factory=dict)
+    names: dict[int, str] = field(default_factory=dict)
     smooth: bool = True
 
     def __post_init__(self):

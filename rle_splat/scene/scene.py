@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from reprlib import repr as short
@@ -134,8 +135,6 @@ class Scene:
     channels : tuple of Channel
         Further volumes on the same grid. Extinctions are added; colors are averaged by extinction, or added where the
         volumes have colors and no transfer function shades.
-    reasons_off : dict of str to str
-        Effect name -> why the scene was made without it, for reports only.
 
     Raises
     ------
@@ -151,27 +150,27 @@ class Scene:
     height: int = 512
     volume_matrix: np.ndarray = field(default_factory=identity)
     scene_scale: float = 1.0
-    lights: tuple = ()
+    lights: Sequence[Light] = ()
     headlight: bool = True
     triangles: np.ndarray | None = None
     ray_ends: np.ndarray | None = None
     panes: np.ndarray | None = None
     pane_shares: np.ndarray | None = None
-    crop: tuple | None = None
+    crop: tuple[int, int, int, int] | None = None
     effects: dict[str, bool] = field(default_factory=dict)
-    motion: tuple = ()
-    clips: tuple = ()
+    motion: tuple[Pose, ...] = ()
+    clips: Sequence[Clip] = ()
     mode: Mode = "composite"
     mist: Mist | None = None
     antialias: bool = False
     volume_shadows: bool = False
-    world: tuple | None = None
+    world: Sequence[float] | None = None
     environment: Environment | None = None
     ambient_occlusion: float = 0.0
     indirect_light: float = 0.0
     labels: Labels | None = None
-    channels: tuple = ()
-    reasons_off: dict[str, str] = field(default_factory=dict)
+    channels: Sequence[Channel] = ()
+    reasons_off: dict[str, str] = field(default_factory=dict)  # effect -> why it was left out, for reports alone
 
     def __post_init__(self):
         refuse_array(self.volume)

@@ -4,6 +4,7 @@ import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
@@ -35,7 +36,7 @@ class NamedLabel:
 
     label: int
     name: str
-    color: tuple | None = None
+    color: tuple[float, float, float] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,9 +75,12 @@ class Volume:
         Scene-linear RGB in which the file, or a convention, shows this channel of several.
     named_labels : tuple of NamedLabel
         Names and colors of the labels of a label map; empty for other volumes.
+
+    Attributes
+    ----------
     series : str
         Hash of the identifier of the DICOM series that it was read from, by which the series is found again; "" for
-        other volumes.
+        other volumes. This and the following are set by ``read_volume``.
     place_key : str
         Hash of the identifier of the DICOM frame of reference, which volumes and contours of one place share; "" for
         other volumes.
@@ -84,11 +88,6 @@ class Volume:
         Shape of each level of the pyramid that this is one level of, the finest first; empty for other volumes.
     data_files : tuple of Path
         The files of the voxels beside a header that names them; empty for other volumes.
-
-    Attributes
-    ----------
-    measured : dict
-        Results that are kept: ``value_range``, ``value_counts`` and ``voxel_key``, each of which reads all voxels once.
 
     Raises
     ------
@@ -105,16 +104,17 @@ class Volume:
     modality: str | None = None
     background: float = 0.0
     name: str = ""
-    remarks: tuple = field(default=())
+    remarks: tuple[str, ...] = ()
     space: str | None = None
     frames: int = 1
     frame_axis: str = "time"
-    color: tuple | None = None
-    named_labels: tuple = ()
+    color: tuple[float, float, float] | None = None
+    named_labels: tuple[NamedLabel, ...] = ()
     series: str = ""
     place_key: str = ""
-    levels: tuple = ()
-    data_files: tuple = ()
+    levels: tuple[tuple[int, int, int], ...] = ()
+    data_files: tuple[Path, ...] = ()
+    # value_range, value_counts and voxel_key by name, each of which reads all voxels once
     measured: dict = field(default_factory=dict, init=False, repr=False, compare=False)
 
     holds_values: ClassVar[bool] = True  # values, not voxels that are classified already

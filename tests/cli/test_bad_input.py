@@ -86,7 +86,7 @@ def test_impossible_volume_options(render_refused, options):
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ("glitter=on", "no effect called 'glitter'; choose mode, gradient opacity"), ("specular", "NAME=off"),
+        ("glitter=on", "no effect called 'glitter'; choose mode, gradient-opacity"), ("specular", "NAME=off"),
         ("specular=maybe", "NAME=auto"), ("mesh occlusion=on", "the scene has no meshes"),
     ],
 )  # fmt: skip

@@ -1,6 +1,7 @@
-"""The examples of docs/how-to/use-from-python.md and of the README run as they stand there."""
+"""The Python code of docs/how-to/use-from-python.md, of the tutorial and of the README runs as it stands there."""
 
 import re
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -9,14 +10,13 @@ import numpy as np
 import pytest
 
 import rle_splat
+from devtools.docs import python_of
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs/how-to/use-from-python.md"
+TUTORIAL = ROOT / "docs/tutorial/first-figure-from-python.md"
+MEASURED = re.compile(r" *\d[\d.]*(?= (?:ms|of|sample))")  # times and errors, which differ between machines
 SIDE = 48  # voxels and pixels
-
-
-def _python_of(page: Path) -> str:
-    return "".join(re.findall(r"^```python\n(.*?)^```", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL))
 
 
 @pytest.mark.slow  # it compiles the kernels of the quality fine under a sun
@@ -26,16 +26,32 @@ def test_the_example_of_the_readme_runs(tmp_path, monkeypatch):
     rle_splat.write_volume(rle_splat.Volume(values, np.eye(4), space="patient"), tmp_path / "FLAIR.nrrd")
     monkeypatch.chdir(tmp_path)
     names = {}
-    exec(compile(_python_of(ROOT / "README.md"), "README.md", "exec"), names)
-    assert 0.02 < (names["rendering"].rgba[..., 3] > 0.5).mean() < 0.5 and "flair" in names["why"]
+    exec(compile(python_of(ROOT / "README.md"), "README.md", "exec"), names)
+    assert 0.02 < (names["rendering"].rgba[..., 3] > 0.5).mean() < 0.5 and "flair" in names["remark"]
     assert min((tmp_path / name).stat().st_size for name in ("brain.png", "brain.svg")) > 10_000
 
 
-@pytest.mark.slow  # it compiles the kernels of the quality fine and of a tolerance
+@pytest.mark.slow  # it compiles the kernels of all qualities under a sun
+def test_the_tutorial_runs_and_prints_what_it_says(tmp_path, monkeypatch, capsys, data):
+    shutil.copyfile(data / "flair_brain_124x160x140_uint8.nrrd", tmp_path / "FLAIR.nrrd")
+    monkeypatch.chdir(tmp_path)
+    names, checked = {}, 0
+    page = TUTORIAL.read_text(encoding="utf-8")
+    for kind, block in re.findall(r"^```(python|text)\n(.*?)^```", page, re.MULTILINE | re.DOTALL):
+        if kind == "python":
+            exec(compile(block, TUTORIAL.name, "exec"), names)
+        else:
+            checked += 1
+            assert MEASURED.sub(" N", capsys.readouterr().out) == MEASURED.sub(" N", block)
+    assert checked > 5 and names["within"].report["error"]["kept"] and (tmp_path / "brain.svg").stat().st_size > 10_000
+    assert [path.name for path in (tmp_path / "pictures").iterdir()] == ["FLAIR.nrrd.png"]
+
+
+@pytest.mark.slow  # it compiles the kernels of the quality fine
 def test_the_documented_example_runs(tmp_path, monkeypatch, capsys):
     pytest.importorskip("SimpleITK")
     Image = pytest.importorskip("PIL.Image")
-    text = _python_of(PAGE)
+    text = python_of(PAGE)
     for old, new in (
         ("scan.nii.gz", "scan.nrrd"),
         ("organs.nii.gz", "organs.nrrd"),

@@ -136,11 +136,16 @@ def test_the_pages_of_the_reference_are_current():
 
 
 def test_every_parameter_of_python_says_what_it_is_and_types_lead_to_their_entries():
-    page = docs_python.python()
-    assert not re.findall(r"^- (?:`[^`]*`|[^:`]*|`\w+` \(.*\))$", page, re.MULTILINE)
-    assert "- `camera` ([Camera](#camera)): " in page and "- `lens : float`: " in page
-    names = set(re.findall(r"^## (\w+)$", page, re.MULTILINE))
-    assert {link[0] for link in re.findall(r"\[(\w+)\]\(#(\w+)\)", page)} <= names
+    pages = {f"{task.replace(' ', '-')}.md": docs_python.names_of(task) for task in docs_python.TASKS}
+    headings = {(page, name) for page, text in pages.items() for name in re.findall(r"^## (\w+)$", text, re.MULTILINE)}
+    for page, text in pages.items():
+        assert not re.findall(r"^- (?:`[^`]*`|[^:`]*|`\w+` \(.*\))$", text, re.MULTILINE)
+        links = re.findall(r"\[(\w+)\]\(([\w.-]*)#(\w+)\)", text)
+        assert links and all(anchor == name.lower() for name, _, anchor in links)
+        assert {(file or page, name) for name, file, _ in links} <= headings
+    scene = pages["scene.md"]
+    assert "- `camera` ([Camera](#camera)): " in scene and "- `lens : float`: " in scene
+    assert "- `volume` ([Volume](read-and-write.md#volume)): " in scene
 
 
 def test_an_outdated_page_is_noticed(monkeypatch):
@@ -158,7 +163,8 @@ def test_another_version_is_written_where_it_is_read_without_python(monkeypatch)
 
 def test_docstrings_become_markdown():
     text = docs_python.docstring(
-        "Do it.\n\nParameters\n----------\nname : str\n    What\n    it is\nplain : ``int``\n\nNotes\n-----\nOf ``x``."
+        "Do it.\n\nParameters\n----------\nname : str\n    What\n    it is\nplain : ``int``\n\nNotes\n-----\nOf ``x``.",
+        "scene.md",
     )
     assert text == (
         "Do it.\n\n**Parameters**\n\n- `name : str`: What it is.\n- `plain : ``int```\n\n**Notes**\n\nOf `x`."
@@ -245,10 +251,20 @@ def test_the_reference_explains_every_setting():
 
 
 def test_the_reference_lists_every_name_of_the_package():
-    text = docs_python.python()
+    text = "\n".join(map(docs_python.names_of, docs_python.TASKS))
     for name in rle_splat.__all__:
         section = text.partition(f"## {name}\n")[2].partition("\n## ")[0]
-        assert f"`rle_splat.{name}" in section and len(section.splitlines()) > 3, name
+        called = ("```python\nrle_splat.", "`rle_splat.")[section.startswith("\n`rle_splat.")]
+        assert f"{called}{name}" in section and len(section.splitlines()) > 3, name
+
+
+def test_signatures_show_annotations_with_short_names():
+    pictures, scene = (docs_python.names_of(task) for task in ("pictures", "scene"))
+    assert "    cache: StageCache | None = None,\n) -> Rendering\n```" in pictures
+    assert '    quality: Quality | Literal["draft", "standard", "fine", "strict"] | None = None,\n' in pictures
+    assert "\n    volume_matrix: ndarray = np.eye(4),\n" in scene and "\n    lights: Sequence[Light] = (),\n" in scene
+    text = "\n".join(map(docs_python.names_of, docs_python.TASKS))
+    assert not re.search(r"typing\.|collections\.abc|<class|ForwardRef|: _empty|-> _empty", text)
 
 
 def test_the_glossary_has_the_words_of_the_project():
@@ -268,6 +284,4 @@ def test_the_glossary_has_the_words_of_the_project():
 
 
 def test_the_index_of_the_python_reference_has_every_public_name():
-    text = (ROOT / "docs/reference/python.md").read_text(encoding="utf-8")
-    index = text[text.index("| task | names |") : text.index("<!-- generated")]
-    assert re.findall(r"\[(\w+)\]\(#\w+\)", index) == rle_splat.__all__
+    assert re.findall(r"\[(\w+)\]\(python/[a-z-]+\.md#\w+\)", docs_python.index()) == rle_splat.__all__

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from devtools.docs import python_of
+
 pytestmark = pytest.mark.slow  # dev.py lint runs it
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -25,6 +27,13 @@ def count_errors(*words) -> int:
 
 def test_there_are_no_new_type_errors():
     assert count_errors() == KNOWN_ERRORS, "python -m ty check lists them; where there are fewer, lower KNOWN_ERRORS"
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/tutorial/first-figure-from-python.md"])
+def test_the_code_of_pages_has_no_type_errors(page, tmp_path):
+    code = tmp_path / "page.py"
+    code.write_text(python_of(ROOT / page))
+    assert count_errors(str(code)) == 0
 
 
 def test_the_checker_sees_an_error(tmp_path):

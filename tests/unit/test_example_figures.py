@@ -2,7 +2,8 @@
 
 import pytest
 
-from devtools import docs_reference, example_figures, practice_ct
+from devtools import docs, docs_reference, example_figures, practice_ct
+from devtools.places import ROOT
 
 
 @pytest.mark.parametrize("has_scan", [True, False])
@@ -19,7 +20,8 @@ def test_the_command_lines_are_understood(monkeypatch, tmp_path, has_scan):
     assert named == {str(scan if has_scan else tmp_path / "practice-ct")}
 
 
-def test_the_code_of_the_readme_imports_once():
-    code = example_figures.python_of_the_readme()
-    assert code.count("import rle_splat") == 1 and code.count('"FLAIR.nrrd"') == 1
-    compile(code, "README.md", "exec")
+@pytest.mark.parametrize("page", [ROOT / "README.md", example_figures.PYTHON_TUTORIAL], ids=lambda page: page.name)
+def test_the_code_of_a_page_imports_once(page):
+    code = docs.python_of(page)
+    assert code.count("import rle_splat") == 1 and code.count('read_volume("FLAIR.nrrd")') == 1
+    compile(code, page.name, "exec")
