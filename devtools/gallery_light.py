@@ -169,12 +169,12 @@ def worlds(stage: Stage):
     _ready(stage)
     bpy.ops.rle_splat.apply_preset(preset="ct-bone")
     _without_holder()
-    for key, value in OPAQUE.items():
+    for key, value in {**OPAQUE, "smoothness": 3.0, "shift_by": -140.0}.items():
         setattr(ours, key, value)
     toward = (0.85, -1.75, 0.45)
     stage.camera(toward, 62.0, aim=(0.0, 0.0, -0.08))
     stage.settings.ambient_occlusion = 1.0
-    scene.cycles.samples, scene.render.film_transparent = 32, False
+    scene.cycles.use_denoising, scene.render.film_transparent = True, False
     folder = Path(bpy.utils.system_resource("DATAFILES")) / "studiolights" / "world"
     for name in ("Interior", "Sunset"):
         hdri_world(folder / f"{name.lower()}.exr")
