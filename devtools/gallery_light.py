@@ -1,5 +1,5 @@
 """The pictures of the page of lighting recipes: six scans under the light that an import leaves, and under the recipe;
-a brain whose lamps are added one by one; a skull under HDRIs, before a backdrop, and cut out (runs in an environment
+a brain whose lamps are added one by one; a brain under HDRIs, before a backdrop, and cut out (runs in an environment
 with bpy).
 
 Every step is an operator or a setting that a user has, too.
@@ -45,7 +45,6 @@ class Recipe:
 
 
 OPAQUE = {"opacity_unit_distance": 0.05, "smoothness": 2.0, "shift_by": -100.0}  # mm, mm, HU: thin bone is whole
-FLOOR = -0.36  # below the middle of the skull, in sizes
 RECIPES = (
     Recipe(
         "Three Lights",
@@ -164,15 +163,12 @@ def light(stage: Stage):
 
 
 def worlds(stage: Stage):
-    """A skull under two HDRIs of Blender, before a backdrop, and cut out with its shadow."""
-    scene, ours = bpy.context.scene, stage.volume.rle_splat
+    """A brain under two HDRIs of Blender, before a backdrop, and cut out with its shadow."""
+    scene = bpy.context.scene
     _ready(stage)
-    bpy.ops.rle_splat.apply_preset(preset="ct-bone")
-    _without_holder()
-    for key, value in {**OPAQUE, "smoothness": 3.0, "shift_by": -140.0}.items():
-        setattr(ours, key, value)
-    toward = (0.85, -1.75, 0.45)
-    stage.camera(toward, 62.0, aim=(0.0, 0.0, -0.08))
+    bpy.ops.rle_splat.apply_preset(preset="mr-brain")
+    toward = (1.65, -0.9, 0.55)
+    stage.camera(toward, 80.0, aim=(0.0, 0.0, -0.03))
     stage.settings.ambient_occlusion = 1.0
     scene.cycles.use_denoising, scene.render.film_transparent = True, False
     folder = Path(bpy.utils.system_resource("DATAFILES")) / "studiolights" / "world"
@@ -180,9 +176,9 @@ def worlds(stage: Stage):
         hdri_world(folder / f"{name.lower()}.exr")
         yield f"HDRI, {name}"
     scene.world = None
-    floor = stage.sweep(toward, FLOOR, (0.16, 0.165, 0.175))
+    floor = stage.sweep(toward, stage.foot - 0.01, (0.16, 0.165, 0.175))
     bpy.context.view_layer.objects.active = stage.volume
-    bpy.ops.rle_splat.add_lights(kind="BONE")
+    bpy.ops.rle_splat.add_lights(kind="THREE")
     yield "Backdrop"
     floor.is_shadow_catcher = scene.render.film_transparent = True
     yield "Cut-Out"

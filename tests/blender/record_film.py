@@ -23,9 +23,9 @@ ANGLE, START, LENS = 40.0, 20.0, 78.0  # degrees, and mm
 OUTSIDE = 0.09  # meters from the middle to the left
 LEVEL, WINDOW = 90.0, 170.0
 DARK = (0.012, 0.016, 0.024)  # of the world
-GRADED, EXPOSURE = 45, 0.5  # the frame of the picture, which is one of the film's
+GRADED, EXPOSURE = 27, 0.2  # the frame of the picture, which is one of the film's
 LIFT, GAIN = (0.99, 1.0, 1.015, 1.0), (1.12, 1.0, 0.88, 1.0)  # bluish shadows, warm lights
-PART = "640x480+220+60"  # of the frame, which the picture shows
+PART = "760x600+120+70"  # of the frame, which the picture shows
 SAMPLES = 8  # of Cycles, which renders the faces of the cut and the world alone
 
 

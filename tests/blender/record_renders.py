@@ -150,7 +150,8 @@ def first_picture():
         assert bpy.ops.rle_splat.import_volume(filepath=str(scan)) == {"FINISHED"}
     scene.rle_splat.quality, scene.rle_splat.antialias = "fine", True
     view = area_of("VIEW_3D").spaces.active.region_3d
-    view.view_rotation = Euler((1.2, 0.0, 0.6)).to_quaternion()
+    view.view_rotation = Euler((1.25, 0.0, 1.15)).to_quaternion()
+    view.view_distance *= 0.87
     yield from settled()
     scene.camera, camera.matrix_world = camera, view.view_matrix.inverted()
     with in_the_view():
