@@ -151,7 +151,7 @@ def first_picture():
     scene.rle_splat.quality, scene.rle_splat.antialias = "fine", True
     view = area_of("VIEW_3D").spaces.active.region_3d
     view.view_rotation = Euler((1.25, 0.0, 1.15)).to_quaternion()
-    view.view_distance *= 0.87
+    view.view_distance *= 0.97
     yield from settled()
     scene.camera, camera.matrix_world = camera, view.view_matrix.inverted()
     with in_the_view():
