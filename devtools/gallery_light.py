@@ -167,18 +167,18 @@ def worlds(stage: Stage):
     scene = bpy.context.scene
     _ready(stage)
     bpy.ops.rle_splat.apply_preset(preset="mr-brain")
-    toward = (1.65, -0.9, 0.55)
-    stage.camera(toward, 80.0, aim=(0.0, 0.0, -0.03))
+    toward = (1.6, -0.85, 0.75)
+    stage.camera(toward, 58.0, aim=(0.02, 0.08, -0.1))
     stage.settings.ambient_occlusion = 1.0
     scene.cycles.use_denoising, scene.render.film_transparent = True, False
     folder = Path(bpy.utils.system_resource("DATAFILES")) / "studiolights" / "world"
-    for name in ("Interior", "Sunset"):
+    for name in ("Studio", "Forest"):
         hdri_world(folder / f"{name.lower()}.exr")
         yield f"HDRI, {name}"
     scene.world = None
     floor = stage.sweep(toward, stage.foot - 0.01, (0.16, 0.165, 0.175))
     bpy.context.view_layer.objects.active = stage.volume
-    bpy.ops.rle_splat.add_lights(kind="THREE")
+    bpy.ops.rle_splat.add_lights(kind="BONE")
     yield "Backdrop"
     floor.is_shadow_catcher = scene.render.film_transparent = True
     yield "Cut-Out"
