@@ -48,7 +48,7 @@ LIT = "--shadows", "--world", "0.15", "0.15", "0.18", "--ambient-occlusion", "1"
 CLOSE = ("--azimuth", "30", "--elevation", "20", "--fit", "0.42", "--size", "400")
 CROPS = {  # of the README: photographs of windows, and the part of each
     "readme-live": ("how-to-live", (240, 85, 900, 580)),
-    "readme-slice": ("how-to-window", (0, 47, 800, 464)),
+    "readme-slice": ("how-to-window", (0, 515, 800, 932)),
 }
 STEPS = (  # of the strip, after the slices: captions, pictures of the documentation, and the part of each
     ("Bone", "tutorial-3-preset", (230, 304, 790, 724)),

@@ -176,9 +176,10 @@ def worlds(stage: Stage):
         hdri_world(folder / f"{name.lower()}.exr")
         yield f"HDRI, {name}"
     scene.world = None
-    floor = stage.sweep(toward, stage.foot - 0.01, (0.16, 0.165, 0.175))
+    floor = stage.sweep(toward, stage.foot + 0.17, (0.16, 0.165, 0.175))  # below the brain, not its box
     bpy.context.view_layer.objects.active = stage.volume
     bpy.ops.rle_splat.add_lights(kind="BONE")
+    bpy.data.objects["Rim"].data.use_shadow = False  # one shadow on the floor
     yield "Backdrop"
     floor.is_shadow_catcher = scene.render.film_transparent = True
     yield "Cut-Out"

@@ -35,13 +35,12 @@ NAMES = (
     ("Right brachiocephalic vein", (-46.0, -21.0, 93.0)),
     ("Brachiocephalic trunk", (-26.0, -19.0, 88.0)),
     ("Ascending aorta", (-12.0, -28.0, 52.0)),
-    ("Pulmonary trunk", (22.0, -22.0, 45.0)),
+    ("Pulmonary trunk", (32.0, -9.0, 53.0)),
     ("Right ventricle", (10.0, -60.0, -33.0)),
     ("Stent graft", (14.0, 17.0, 86.0)),
     ("False lumen", (21.0, 62.0, 40.0)),
     ("Left inferior pulmonary vein", (40.0, 36.0, -22.0)),
     ("Left ventricle", (61.0, -30.0, -35.0)),
-    ("Celiac branches", (41.0, 10.0, -103.0)),
 )
 IN_LEFT, HEART, VIOLET = (83, 52, 60), "Heart", (0.34, 0.07, 0.37)  # voxel of a click, name, color
 ABOVE = ((-100.0, -100.0, 104.25), (100.0, 100.0, 140.0))  # corners of a box, in mm from the middle: dense veins

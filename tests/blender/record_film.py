@@ -3,29 +3,36 @@
     python3 dev.py blender --photograph tests/blender/record_film.py --size 1280x800
 
 writes into build/window-shots/record_film its frames, of which devtools/example_figures.py makes how-to-opening.webp,
-and film-graded.jpg, a frame before and after the last step, and prints the seconds of a frame.  The scan is HEAD_MR in
-tests/blender/data.  The frames from 60 to 120 are those of the way there, so they are not rendered.
+and film-keys.jpg, film-nodes.jpg and film-graded.jpg, the keyframes, the nodes and a frame in several view transforms
+and graded, and prints the seconds of a frame.  The scan is HEAD_MR in tests/blender/data.  The frames from 60 to 120
+are those of the way there, so they are not rendered.
 """
 
 import os
-import subprocess
 import time
 
 import bpy
 
-from tests.blender.guide_steps import HEAD_MR, activate, beside, imported
+from tests.blender.guide_steps import HEAD_MR, activate, beside, imported, keep, look_from
 from tests.blender.scenes import module
 from tests.blender.user_steps import settled
-from tests.blender.window_driver import SHOTS, drive, in_the_view, passed
+from tests.blender.window_driver import SHOTS, area_of, drive, in_the_view, passed, wait_for_rest, window
 
 TURN, LAST, STEP = 60, 120, 2  # frames of the turn, and of all; each second one is shown
 ANGLE, START, LENS = 40.0, 20.0, 78.0  # degrees, and mm
+NODES = "1250x360+15+215"  # of the window: the nodes alone
+KEYED = 40  # the frame of the picture of the keyframes
 OUTSIDE = 0.09  # meters from the middle to the left
 LEVEL, WINDOW = 90.0, 170.0
 DARK = (0.012, 0.016, 0.024)  # of the world
-GRADED, EXPOSURE = 27, 0.2  # the frame of the picture, which is one of the film's
+GRADED, EXPOSURE = 27, 0.2  # the frame of the picture
+GRADES = (  # caption, view transform, look; the last is graded
+    ("Standard", "Standard", "None"),
+    ("AgX", "AgX", "None"),
+    ("AgX, High Contrast", "AgX", "AgX - High Contrast"),
+    ("Graded, AgX, High Contrast", "AgX", "AgX - High Contrast"),
+)
 LIFT, GAIN = (0.99, 1.0, 1.015, 1.0), (1.12, 1.0, 0.88, 1.0)  # bluish shadows, warm lights
-PART = "760x600+120+70"  # of the frame, which the picture shows
 SAMPLES = 8  # of Cycles, which renders the faces of the cut and the world alone
 
 
@@ -40,6 +47,7 @@ def turn_and_cut(scene, volume):
         scene.frame_set(1)
         pivot = scene.camera.parent
         pivot.keyframe_insert("rotation_euler", index=2, frame=LAST)
+        scene.frame_set(TURN)  # from there, the rim light is behind the head and not on the cut
         activate(volume)
         assert bpy.ops.rle_splat.add_lights(kind="SKIN") == {"FINISHED"}
         bpy.ops.view3d.view_axis(type="RIGHT")  # of Blender: the patient's left
@@ -60,7 +68,47 @@ def turn_and_cut(scene, volume):
         assert bpy.ops.rle_splat.gray_values_on_cut() == {"FINISHED"}
     ours = volume.rle_splat
     ours.slices_follow_window, ours.slice_center, ours.slice_width = False, LEVEL, WINDOW
+    yield from photograph_keys(scene, pivot, plane)
+
+
+def photograph_keys(scene, *keyed):
+    """The plane from the side, with its handle, above the timeline with all keyframes."""
+    view = area_of("VIEW_3D")
+    with bpy.context.temp_override(window=window(), area=view):
+        bpy.ops.screen.area_split(direction="HORIZONTAL", factor=0.2)
+    yield
+    below = min((one for one in window().screen.areas if one.type == "VIEW_3D"), key=lambda one: one.y)
+    below.ui_type = "TIMELINE"
+    scene.frame_set(KEYED)
+    scene.frame_start, scene.frame_end = 1, LAST
+    look_from(70.0, 40.0, 0.62)
+    for one in keyed:
+        one.select_set(True)
+    activate(keyed[-1])
     yield from settled()
+    yield from wait_for_rest()
+    region = next(one for one in below.regions if one.type == "WINDOW")
+    with bpy.context.temp_override(window=window(), area=below, region=region):
+        bpy.ops.action.view_all()
+    yield from wait_for_rest()
+    yield from keep("film-keys")
+    with bpy.context.temp_override(window=window(), area=below):
+        bpy.ops.screen.area_close()
+    yield from settled()
+
+
+def photograph_nodes(scene):
+    """The nodes of the last step."""
+    window().scene = scene
+    editor = area_of("VIEW_3D")
+    editor.ui_type = "CompositorNodeTree"
+    editor.spaces.active.show_region_ui = False
+    editor.spaces.active.node_tree = scene.compositing_node_group
+    yield from wait_for_rest()
+    with bpy.context.temp_override(area=editor, region=next(one for one in editor.regions if one.type == "WINDOW")):
+        bpy.ops.node.view_all()
+    yield from wait_for_rest()
+    yield from keep("film-nodes", NODES)
 
 
 def grade(scene):
@@ -77,32 +125,38 @@ def grade(scene):
     image, exposure, balance = (
         tree.nodes.new(f"CompositorNode{kind}") for kind in ("Image", "Exposure", "ColorBalance")
     )
+    for number, node in enumerate((image, exposure, balance)):
+        node.location.x = 260.0 * number
     image.image, image.layer = bpy.data.images.load(exr), "Composite"
     exposure.inputs["Exposure"].default_value = EXPOSURE
     for name, color in (("Lift", LIFT), ("Gain", GAIN)):
         next(one for one in balance.inputs if one.name == name and one.type == "RGBA").default_value = color
     tree.links.new(image.outputs["Combined"], exposure.inputs["Image"])
     tree.links.new(exposure.outputs["Image"], balance.inputs["Image"])
-    tree.links.new(balance.outputs["Image"], tree.nodes.new("NodeGroupOutput").inputs["Image"])
+    output = tree.nodes.new("NodeGroupOutput")
+    output.location.x = 800.0
+    tree.links.new(balance.outputs["Image"], output.inputs["Image"])
     render, view = made.render, made.view_settings
     made.camera, render.engine, render.resolution_x, render.resolution_y = scene.camera, "BLENDER_WORKBENCH", 960, 720
-    view.view_transform, view.look = "AgX", "AgX - High Contrast"
     render.image_settings.media_type, render.image_settings.file_format = "IMAGE", "JPEG"
-    render.filepath = os.path.join(folder, "graded.jpg")
-    with bpy.context.temp_override(scene=made):
-        assert bpy.ops.render.render(write_still=True, scene=made.name) == {"FINISHED"}
-    plain = os.path.join(folder, f"frame-{GRADED:04}")
-    for one in (f"{plain}.png", os.path.join(folder, "graded.jpg")):
-        subprocess.run(["convert", one, "-crop", PART, "+repage", f"{os.path.splitext(one)[0]}.jpg"], check=True)
-    beside(
-        "film-graded", {"As rendered, Standard": os.path.basename(plain), "Graded, AgX with high contrast": "graded"}
-    )
+    names = {}
+    for number, (caption, transform, look) in enumerate(GRADES):
+        view.view_transform = transform
+        view.look = look
+        exposure.mute = balance.mute = number < len(GRADES) - 1
+        names[caption] = f"graded-{number}"
+        render.filepath = os.path.join(folder, f"graded-{number}.jpg")
+        with bpy.context.temp_override(scene=made):
+            assert bpy.ops.render.render(write_still=True, scene=made.name) == {"FINISHED"}
+    beside("film-graded", names, across=2)
+    yield from photograph_nodes(made)
 
 
 def scenario():
     volume = yield from imported("mr-head", HEAD_MR)
     scene, render = bpy.context.scene, bpy.context.scene.render
-    bpy.context.preferences.view.smooth_view = 0
+    view = bpy.context.preferences.view
+    view.smooth_view, view.render_display_type = 0, "NONE"
     yield from turn_and_cut(scene, volume)
     with in_the_view():
         assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
@@ -120,7 +174,7 @@ def scenario():
         yield
     assert not scene.rle_splat.render_problem, scene.rle_splat.render_problem
     print(f"{(time.perf_counter() - began) / len(range(1, TURN + 1, STEP)):.1f} s a frame")
-    grade(scene)
+    yield from grade(scene)
     passed("film")
 
 

@@ -218,7 +218,11 @@ def set_up_slices():
     volume.select_set(False)
     bare()
     look_from(76.0, 30.0, 0.5)
+    bpy.context.scene.view_settings.view_transform = "Standard"  # leaves gray values as they are
+    volume.rle_splat.smoothness, bpy.context.scene.rle_splat.quality = 2.0, "fine"
+    quarter(volume, (1.0, -1.0, 1.0))[0].select_set(False)
     with in_the_view():
+        activate(volume)
         assert bpy.ops.rle_splat.four_up_view("EXEC_DEFAULT", True) == {"FINISHED"}
     activate(volume)
     volume.rle_splat.slices_clear_black = True
@@ -287,7 +291,7 @@ def table():
     passed("table")
 
 
-def quarter(volume):
+def quarter(volume, toward=(1.0, 1.0, 1.0)):
     """Remove a quarter of a head by a box; returns the box and the middle of the head."""
     corners = module("bridge.volumes.box").world_corners(volume)
     middle_of, half = Vector(corners.mean(axis=0)), Vector(np.ptp(corners, axis=0)) / 2
@@ -295,7 +299,7 @@ def quarter(volume):
         activate(volume)
         assert bpy.ops.rle_splat.add_cutting_object(kind="BOX", keep="OUTSIDE") == {"FINISHED"}
     box = bpy.context.view_layer.objects.active
-    box.matrix_world = Matrix.LocRotScale(middle_of + half, None, half)
+    box.matrix_world = Matrix.LocRotScale(middle_of + half * Vector(toward), None, half)
     return box, middle_of
 
 

@@ -2,7 +2,7 @@
 
     python3 dev.py blender --photograph tests/blender/record_renders.py --size 1280x800
 
-writes how-to-*.jpg and readme-first.jpg into build/window-shots/record_renders.  In tests/blender/data are:
+writes how-to-*.jpg, readme-viewport.jpg and readme-first.jpg into build/window-shots/record_renders.  In tests/blender/data are:
 ``scan``, the DICOM series of the gallery's skull; ``cta_aorta_labels``, the dissected aorta; and the files of BRAIN and
 HEAD_MR.
 """
@@ -139,7 +139,8 @@ def reported():
 
 
 def first_picture():
-    """The render that the README's steps make of its sample."""
+    """The viewport and the render that the README's steps make of its sample."""
+    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_display", "RLE_SPLAT_PT_presets")
     yield from begin()
     scene, camera = bpy.context.scene, bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
     scene.world = bpy.data.worlds.new("World")
@@ -153,6 +154,8 @@ def first_picture():
     view.view_rotation = Euler((1.25, 0.0, 1.15)).to_quaternion()
     view.view_distance *= 0.97
     yield from settled()
+    yield from wait_for_rest()  # with the pictures of presets
+    yield from keep("readme-viewport")
     scene.camera, camera.matrix_world = camera, view.view_matrix.inverted()
     with in_the_view():
         assert bpy.ops.rle_splat.add_lights(kind="THREE") == {"FINISHED"}
