@@ -19,7 +19,8 @@ SITE = BUILD / "docs"
 FENCE = re.compile(r"^(```|~~~).*?^\1", re.MULTILINE | re.DOTALL)
 CODE = re.compile(r"`[^`\n]*`")
 LINK = re.compile(r"\]\(([^)\s]+)\)")
-ELSEWHERE = ("http:", "https:", "mailto:", "#", "../../releases", "../../issues")  # of its page, from the README
+HEADING = re.compile(r"^#{1,6} +(.+?) *$", re.MULTILINE)
+ELSEWHERE = ("http:", "https:", "mailto:", "../../releases", "../../issues")  # of its page, from the README
 
 
 def pages() -> list[Path]:
@@ -32,24 +33,42 @@ def python_of(page: Path) -> str:
     return "".join(re.findall(r"^```python\n(.*?)^```", page.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL))
 
 
-def broken_links(page: Path, text: str) -> list[str]:
-    """Sentences on relative links in Markdown that lead to no file of this repository.
+def linking_pages() -> list[Path]:
+    """Every page whose links are checked."""
+    return [*pages(), ROOT / "CHANGELOG.md", ROOT / "CONTRIBUTING.md"]
 
-    Sphinx checks the links of docs/ too, and the headings that they name; this also reads the README.
+
+def anchors(text: str) -> set[str]:
+    """The anchors of the headings in Markdown, by GitHub's rule; of equal headings, later ones get a number."""
+    found: dict[str, int] = {}
+    for heading in HEADING.findall(FENCE.sub("", text)):
+        words = re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", heading).lower()
+        name = re.sub(r"[^\w -]", "", words).replace(" ", "-")
+        found[name] = found.get(name, -1) + 1
+    return {f"{name}-{number}" if number else name for name, last in found.items() for number in range(last + 1)}
+
+
+def broken_links(page: Path, text: str) -> list[str]:
+    """Sentences on relative links in Markdown that lead to no file of this repository, or to no heading of a page.
+
+    Sphinx checks the links of docs/ too; this also reads the pages outside.
     """
     found = []
     for target in LINK.findall(CODE.sub("", FENCE.sub("", text))):
         if target.startswith(ELSEWHERE):
             continue
-        file = (page.parent / target.partition("#")[0]).resolve()
+        path, _, anchor = target.partition("#")
+        file = (page.parent / path).resolve() if path else page
         if not (file.exists() and file.is_relative_to(ROOT)):
             found.append(f"{page.relative_to(ROOT)} links to {target}, which is no file of this repository.")
+        elif anchor and anchor not in anchors(text if file == page else file.read_text(encoding="utf-8")):
+            found.append(f"{page.relative_to(ROOT)} links to {target}, but {file.name} has no such heading.")
     return found
 
 
 def docs() -> int:
     """Build the site; a Failure when a link leads nowhere or Sphinx warns of anything."""
-    broken = [line for page in pages() for line in broken_links(page, page.read_text(encoding="utf-8"))]
+    broken = [line for page in linking_pages() for line in broken_links(page, page.read_text(encoding="utf-8"))]
     if broken:
         raise Failure("\n".join(broken))
     run([ensure(DOCS), "-m", "devtools.docs_reference"], "The reference could not be made from the code.", cwd=ROOT)

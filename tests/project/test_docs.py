@@ -60,10 +60,14 @@ def test_every_mention_of_the_algorithm_names_a_section():
         assert mentions == len(CITATION.findall(text)), path
 
 
+def test_links_lead_to_files_of_the_repository_and_to_headings():
+    broken = [line for page in docs.linking_pages() for line in docs.broken_links(page, page.read_text("utf-8"))]
+    assert not broken, "\n".join(broken)
+
+
 @pytest.mark.parametrize("page", docs.pages(), ids=lambda page: page.relative_to(ROOT).as_posix())
-def test_links_lead_to_files_of_the_repository(page):
+def test_pages_name_files_of_the_repository(page):
     text = page.read_text(encoding="utf-8")
-    assert docs.broken_links(page, text) == []
     named = re.findall(r"`((?:[\w-]+/)+[\w.-]+\.(?:py|md|json|txt))`", text)
     # Files of the renderer are named with and without its folder.
     lost = [name for name in named if not any((root / name).exists() for root in (ROOT, ROOT / "rle_splat"))]
@@ -72,8 +76,36 @@ def test_links_lead_to_files_of_the_repository(page):
 
 def test_a_broken_link_is_noticed():
     page = ROOT / "docs/index.md"
-    assert docs.broken_links(page, "[a](glossary.md) [b](#here) ![c](images/gallery-skull.jpg) `[d](no.md)`") == []
+    known = "# Here\n[a](glossary.md#voxel) [b](#here) ![c](images/gallery-skull.jpg) `[d](no.md)`"
+    assert docs.broken_links(page, known) == []
     assert len(docs.broken_links(page, "[a](glossaries.md#x) [b](../../outside.md)")) == 2
+    assert len(docs.broken_links(page, "[a](glossary.md#voxels) [b](#here)")) == 2
+
+
+def test_anchors_are_those_of_github():
+    text = "# `a_b`, [c](d.md): *e* & 2.5\n```\n# no\n```\n## To\n### To\n## LPS, RAS\n"
+    assert docs.anchors(text) == {"a_b-c-e--25", "to", "to-1", "lps-ras"}
+
+
+def test_quoted_messages_are_those_of_the_program():
+    """Clause by clause, because names and numbers stand between them."""
+    of_others = {"Can't change working space with modified images"}  # Blender's
+    of_parts = {"slices are missing and were interpolated", "slices of this series were left out",
+                "the volume depends on the constraint"}  # put together from several strings  # fmt: skip
+    said = "\n".join(
+        node.value for path, text in sources() if path.relative_to(ROOT).parts[0] in CODE[:4]
+        for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Constant) and isinstance(node.value, str)
+    )  # fmt: skip
+    page = (ROOT / "docs/how-to/troubleshoot.md").read_text(encoding="utf-8")
+    seen = "\n".join(re.findall(r"^\| (.+?) \|", page, re.MULTILINE))
+    clauses = [
+        clause.strip() for message in re.findall(r"(?<!\*)\*([^*\n]+)\*(?!\*)", seen)
+        for clause in re.split(r"\.\.\.|[;:,]|\.$", message) if clause.strip()
+    ]  # fmt: skip
+    assert len(clauses) > 30
+    assert [clause for clause in clauses if clause not in said] == [
+        clause for clause in clauses if clause in of_others | of_parts
+    ]
 
 
 def test_the_walk_through_the_code_has_at_most_fifteen_stops():
