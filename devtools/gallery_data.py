@@ -95,5 +95,5 @@ def shadows(folder: Path):
     return path, {"spacing": (1.0, 1.0, 1.0)}, path.name
 
 
-meshes = baked = lamps = worlds = brain
-light = skull  # the first of several scans
+meshes = baked = lamps = brain
+light = worlds = skull  # light: the first of several scans

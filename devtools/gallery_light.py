@@ -1,5 +1,5 @@
 """The pictures of the page of lighting recipes: six scans under the light that an import leaves, and under the recipe;
-a brain whose lamps are added one by one; a brain under HDRIs, before a backdrop, and cut out (runs in an environment
+a brain whose lamps are added one by one; a skull under HDRIs, before a backdrop, and cut out (runs in an environment
 with bpy).
 
 Every step is an operator or a setting that a user has, too.
@@ -163,12 +163,15 @@ def light(stage: Stage):
 
 
 def worlds(stage: Stage):
-    """A brain under two HDRIs of Blender, before a backdrop, and cut out with its shadow."""
-    scene = bpy.context.scene
+    """A skull under two HDRIs of Blender, before a backdrop, and cut out with its shadow."""
+    scene, ours = bpy.context.scene, stage.volume.rle_splat
     _ready(stage)
-    bpy.ops.rle_splat.apply_preset(preset="mr-brain")
-    toward = (1.6, -0.85, 0.75)
-    stage.camera(toward, 58.0, aim=(0.02, 0.08, -0.1))
+    bpy.ops.rle_splat.apply_preset(preset="ct-bone")
+    _without_holder()
+    for key, value in {**OPAQUE, "smoothness": 3.0, "shift_by": -140.0}.items():
+        setattr(ours, key, value)
+    toward = (0.55, -1.9, 0.3)
+    stage.camera(toward, 62.0, aim=(0.06, 0.0, -0.1))
     stage.settings.ambient_occlusion = 1.0
     scene.cycles.use_denoising, scene.render.film_transparent = True, False
     folder = Path(bpy.utils.system_resource("DATAFILES")) / "studiolights" / "world"
@@ -176,7 +179,7 @@ def worlds(stage: Stage):
         hdri_world(folder / f"{name.lower()}.exr")
         yield f"HDRI, {name}"
     scene.world = None
-    floor = stage.sweep(toward, stage.foot + 0.17, (0.16, 0.165, 0.175))  # below the brain, not its box
+    floor = stage.sweep(toward, stage.foot - 0.01, (0.16, 0.165, 0.175))
     bpy.context.view_layer.objects.active = stage.volume
     bpy.ops.rle_splat.add_lights(kind="BONE")
     bpy.data.objects["Rim"].data.use_shadow = False  # one shadow on the floor
