@@ -33,7 +33,7 @@ from tests.blender.guide_steps import (
     look_from,
 )
 from tests.blender.scenes import module
-from tests.blender.user_steps import middle, press, scroll_sidebar, settled, simulate
+from tests.blender.user_steps import hover, middle, press, scroll_sidebar, settled, simulate
 from tests.blender.window_driver import (
     area_of,
     drive,
@@ -46,6 +46,7 @@ from tests.blender.window_driver import (
 )
 
 HEAD, CUT = "620x560+140+170", "620x560+235+170"
+AXIAL = (250, 560)  # over the axial slice of the four-up view
 TOOL = "800x440+0+28"  # with the toolbar and both headers
 BEATING, PANEL = "280x322+380+234", "260x322+990+455"
 RAW = "cthead_256x256x113_uint16be.raw.gz"
@@ -226,6 +227,7 @@ def set_up_slices():
         assert bpy.ops.rle_splat.four_up_view("EXEC_DEFAULT", True) == {"FINISHED"}
     activate(volume)
     volume.rle_splat.slices_clear_black = True
+    yield from hover(AXIAL)
     yield from settled()
     yield from keep("how-to-slices")
     passed("slices")

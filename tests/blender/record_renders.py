@@ -2,9 +2,9 @@
 
     python3 dev.py blender --photograph tests/blender/record_renders.py --size 1280x800
 
-writes how-to-*.jpg, readme-viewport.jpg and readme-first.jpg into build/window-shots/record_renders.  In tests/blender/data are:
-``scan``, the DICOM series of the gallery's skull; ``cta_aorta_labels``, the dissected aorta; and the files of BRAIN and
-HEAD_MR.
+writes how-to-*.jpg, readme-viewport.jpg and readme-first.jpg into build/window-shots/record_renders.  In
+tests/blender/data are: ``scan``, the DICOM series of the gallery's skull; ``cta_aorta_labels``, the dissected aorta;
+and the files of BRAIN and HEAD_MR.
 """
 
 import os
@@ -142,20 +142,23 @@ def first_picture():
     """The viewport and the render that the README's steps make of its sample."""
     open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_display", "RLE_SPLAT_PT_presets")
     yield from begin()
-    scene, camera = bpy.context.scene, bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    scene = bpy.context.scene
     scene.world = bpy.data.worlds.new("World")
     scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (0.0, 0.0, 0.0, 1.0)
-    scene.collection.objects.link(camera)
     scan = shutil.copy(DATA / BRAIN, Path(tempfile.mkdtemp()) / "FLAIR.nrrd")
     with in_the_view():
         assert bpy.ops.rle_splat.import_volume(filepath=str(scan)) == {"FINISHED"}
     scene.rle_splat.quality, scene.rle_splat.antialias = "fine", True
     view = area_of("VIEW_3D").spaces.active.region_3d
     view.view_rotation = Euler((1.25, 0.0, 1.15)).to_quaternion()
-    view.view_distance *= 0.97
+    view.view_distance *= 0.6
     yield from settled()
     yield from wait_for_rest()  # with the pictures of presets
     yield from keep("readme-viewport")
+    view.view_distance *= 1.62  # a camera sees half of what a viewport does
+    yield from settled()
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    scene.collection.objects.link(camera)
     scene.camera, camera.matrix_world = camera, view.view_matrix.inverted()
     with in_the_view():
         assert bpy.ops.rle_splat.add_lights(kind="THREE") == {"FINISHED"}
