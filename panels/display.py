@@ -65,7 +65,8 @@ class DisplayPanel:
 
 def _draw_table(layout, properties) -> None:
     """One button, which hides the table of a CT, then shows it and hides it again."""
-    rows = properties.labels
+    layout, rows = layout.column(), properties.labels
+    layout.use_property_split = False
     if not rows and properties.space == PATIENT and modality_of(properties) == "CT":
         layout.operator("rle_splat.hide_table", icon="USER")
     elif [row.label_name for row in rows] == [one.name for one in NAMES]:
