@@ -145,7 +145,7 @@ def use_movie(render) -> None:
         If this Blender was built without FFmpeg.
     """
     if not bpy.app.ffmpeg.supported:
-        raise RleSplatError("This Blender was built without FFmpeg, so it writes no movie; write pictures.")
+        raise RleSplatError("This Blender was built without FFmpeg, so it writes no MP4 files; write pictures.")
     _choose_medium(render, "VIDEO")
     render.image_settings.file_format = "FFMPEG"
     render.image_settings.color_mode = "RGB"

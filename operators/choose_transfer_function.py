@@ -6,6 +6,7 @@ from bpy_extras.io_utils import ImportHelper
 
 from ..bridge.look import own_presets
 from ..bridge.pictures.canvas import redraw_sidebars
+from ..bridge.translations import filled
 from ..rle_splat.classify.transfer_files import SUFFIXES, read_transfer_functions
 from .refusal import refuses
 
@@ -76,6 +77,6 @@ class RLE_SPLAT_OT_import_presets(bpy.types.Operator, ImportHelper):
         for remark in sorted({remark for one in found for remark in one.remarks}):
             names = ", ".join(one.function.name for one in found if remark in one.remarks)
             self.report({"WARNING"}, f"{names}: {remark}")
-        self.report({"INFO"}, f"Added {len(found)} user presets")
+        self.report({"INFO"}, filled("User presets added: {count}.", count=len(found)))
         redraw_sidebars(context)
         return {"FINISHED"}

@@ -18,6 +18,7 @@ from ..bridge.volumes import box, encoded, labels, new_volume, segments, volumes
 from ..bridge.volumes.import_source import found_steps
 from ..rle_splat.read.formats import FORMATS, RAW, format_named, format_of, suffixes
 from ..rle_splat.read.guess import guess_raw, guess_raw_steps
+from ..rle_splat.read.header import MM_ASSUMED, frame_remark
 from ..rle_splat.read.sequence import sequence_of
 from ..rle_splat.read.tiff import is_page
 from ..rle_splat.runtime.memory import bytes_text
@@ -104,8 +105,8 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
         name="Center at Cursor", description="Place the center of the volume at the 3D cursor instead of keeping the "
         "coordinates of the file", default=False)  # fmt: skip
     use_framing: BoolProperty(
-        name="Show in View", description="Move the view so that all of the volume is seen, and open the sidebar at "
-        "its tab. Camera views are not changed", default=True)  # fmt: skip
+        name="Frame and Open Sidebar", description="Move the view so that all of the volume is seen, and open the "
+        "tab RLE Splat in the sidebar. Camera views are not changed", default=True)  # fmt: skip
     use_headlight: BoolProperty(
         name="Add Headlight if Dark", description="Light the first volume of a scene with a headlight if the "
         "scene's lights leave a side of it dark. Light Source in Lighting changes it",
@@ -116,7 +117,7 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
         "word seg, label or segmentation", default=False, options={"SKIP_SAVE"})  # fmt: skip
     hide_table: BoolProperty(
         name="Hide Table", description="In a CT, find the body and hide the table or the head holder if the transfer "
-        "function shows it. Show Table Again in the panel Volume shows it", default=False,
+        "function shows it. Show Table in the panel Display shows it", default=False,
         options={"SKIP_SAVE"})  # fmt: skip
 
     @classmethod
@@ -150,10 +151,14 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
         return self.with_thumbnails(self._steps(paths))
 
     def commit(self, context, results):
-        owners, corners, warnings, sentences = [], [], list(self.guesses), []
+        owners, corners, sentences, warnings, notes = [], [], [], list(self.guesses), []
         for found, options, transfer_function, reason, made in results:
             owner, remark = new_volume.add_volume(context, found, options, transfer_function, at_cursor=self.at_cursor)
-            warnings += [translate(sentence) for sentence in (*found.remarks, remark) if sentence]
+            harmless = {MM_ASSUMED}
+            if found.frames > 1:
+                harmless.update(frame_remark(found.frame, found.frames, found.volume.frame_axis))
+            for sentence in filter(None, (*found.remarks, remark)):
+                (notes if sentence in harmless else warnings).append(translate(sentence))
             owners.append(owner)
             corners.append(box.world_corners(owner))
             sentences += [filled("Imported {volume}.", volume=owner.name), translate(reason)]
@@ -169,8 +174,9 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
         )
         if self.use_headlight and corners:
             sentences.append(first_light.light_if_dark(context, owners, corners[0]))
-        # Together, since of several messages a window shows the last one alone.
-        self.report({"WARNING" if any(warnings) else "INFO"}, " ".join(filter(None, (*warnings, *sentences))))
+        # Together, since of several messages a window shows the last one alone, and of a long one its beginning.
+        said = " ".join(filter(None, (*sentences, *warnings, *notes)))
+        self.report({"WARNING" if any(warnings) else "INFO"}, said)
 
     def _show(self, context, added: int) -> None:
         """Open the eyes of the window's viewports, or close them for a scene's first volumes, as the user prefers."""

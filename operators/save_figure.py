@@ -78,8 +78,8 @@ class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
                ("letters", "Letters", "Letters at the edges of the picture"), ("cube", "Cube", "A cube with letters"),
                ("off", "Off", "Nothing")])  # fmt: skip
     compare: StringProperty(
-        name="Presets Side by Side", description="Names of presets, separated by commas, each in a picture of its own. "
-        "Empty uses the volume's transfer function")  # fmt: skip
+        name="Presets Side by Side", description="Names of presets, separated by commas, such as ct-bone, ct-skin; "
+        "each in a picture of its own. Empty uses the volume's transfer function")  # fmt: skip
 
     is_new = False  # only files are written
     _viewport_has_depth = False  # whether the view of the button is a perspective one

@@ -1,4 +1,4 @@
-"""Shadow Pass: an image of the share of light that shadows remove in each pixel."""
+"""Shadow Image: an image of the share of light that shadows remove in each pixel."""
 
 import bpy
 
@@ -12,7 +12,7 @@ from .through_camera import ThroughCamera, has_values_and_camera
 
 class RLE_SPLAT_OT_shadow_pass(ThroughCamera, bpy.types.Operator):
     bl_idname = "rle_splat.shadow_pass"
-    bl_label = "Shadow Pass"
+    bl_label = "Shadow Image"
     bl_description = (
         "Make a grayscale image of how much of each pixel's light shadows and ambient occlusion remove: 0 is none, 1 "
         "is all"
@@ -24,8 +24,8 @@ class RLE_SPLAT_OT_shadow_pass(ThroughCamera, bpy.types.Operator):
         plain, quality = self.read_scene(context)
         if tolerance_of(context.scene) is not None and quality.classification == "pre":
             raise RleSplatError(
-                "With interpolated colors and a Maximum Error pictures have no shadows; set Maximum Error to 0 to make "
-                "a shadow pass."
+                "With interpolated colors and a Maximum Error pictures have no shadows; turn Maximum Error off "
+                "to make a shadow image."
             )
         return shadow_pass_steps(plain, quality, render_scene.KEPT)
 

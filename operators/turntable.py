@@ -1,4 +1,4 @@
-"""Turntable: an animation of a camera that turns about the volume, or of the scene's own camera, as movie or pictures.
+"""Turntable: an animation of a camera that turns about the volume, or of the scene's own camera, as MP4 or pictures.
 
 Blender renders it as any animation, so that meshes, lights and the compositor are as in every render, the window shows
 its progress, and Esc ends it.  The scene's output settings are changed for the time of the render and then put back.
@@ -46,8 +46,9 @@ def _note_cancel(*_arguments):
 
 
 class RLE_SPLAT_OT_turntable(ExportHelper, bpy.types.Operator):
-    """Render an animation of a camera that turns about the volume, or of the active camera's own motion, as a movie or
-    as pictures. Output settings and camera of the scene stay as they are; with Render off, the new camera is active"""
+    """Render an animation of a camera that turns about the volume, or of the active camera's own motion, as an MP4 file
+    or as pictures. Output settings and camera of the scene stay as they are; with Render off, the new camera is
+    active"""
 
     bl_idname = "rle_splat.turntable"
     bl_label = "Turntable"
@@ -55,8 +56,8 @@ class RLE_SPLAT_OT_turntable(ExportHelper, bpy.types.Operator):
 
     filename_ext = EXTENSIONS[MOVIE]
     filepath: StringProperty(
-        name="File Path", description="The movie, or what the names of the pictures begin with", subtype="FILE_PATH",
-        options={"SKIP_SAVE"})  # fmt: skip
+        name="File Path", description="The MP4 file, or what the names of the pictures begin with",
+        subtype="FILE_PATH", options={"SKIP_SAVE"})  # fmt: skip
     path: EnumProperty(
         name="Camera Motion",
         description="How the camera moves",
@@ -91,8 +92,8 @@ class RLE_SPLAT_OT_turntable(ExportHelper, bpy.types.Operator):
         ],
     )
     output: EnumProperty(
-        name="Output", description="Movie, or numbered pictures",
-        items=[(MOVIE, "MP4", "One movie, with the codec H.264"),
+        name="Output", description="One file, or numbered pictures",
+        items=[(MOVIE, "MP4", "One file, with the codec H.264"),
                (PNG, "PNG", "One picture for each frame, as the screen shows it"),
                (EXR, "EXR", "One picture for each frame, scene-linear with 32 bits")])  # fmt: skip
     render: BoolProperty(
@@ -138,7 +139,7 @@ class RLE_SPLAT_OT_turntable(ExportHelper, bpy.types.Operator):
         return ExportHelper.invoke(self, context, event)
 
     def check(self, _context):
-        """Complete the name, so that the file browser marks it in red if it is that of a movie."""
+        """Complete the name, so that the file browser marks it in red if the file is there."""
         before = self.filepath
         if os.path.basename(before):
             self.filepath = final_path(self.output, before)

@@ -10,6 +10,7 @@ from ..bridge.volumes import encoded, labels, volumes
 from ..operators import plain_background
 from ..rle_splat.classify.presets import PRESETS
 from ..rle_splat.scene import MODES
+from ..rle_splat.segment.body import NAMES
 from ..rle_splat.volume.volume import PATIENT
 from .places import DataTab, OfVolume, paragraph
 
@@ -54,12 +55,23 @@ class DisplayPanel:
         row = layout.row()
         row.enabled = properties.mode == MODES[0] or not properties.use_grays
         row.prop(properties, "opacity_scale", slider=True)
-        if not is_encoded and properties.space == PATIENT and modality_of(properties) == "CT" and not properties.labels:
-            self.layout.operator("rle_splat.hide_table", icon="USER")
+        if not is_encoded:
+            _draw_table(self.layout, properties)
         row = self.layout.row()
         row.use_property_split = False
         for name in ("show_scale_bar", "show_color_bar"):
             row.prop(context.scene.rle_splat, name)
+
+
+def _draw_table(layout, properties) -> None:
+    """One button, which hides the table of a CT, then shows it and hides it again."""
+    layout, rows = layout.column(), properties.labels
+    layout.use_property_split = False
+    if not rows and properties.space == PATIENT and modality_of(properties) == "CT":
+        layout.operator("rle_splat.hide_table", icon="USER")
+    elif [row.label_name for row in rows] == [one.name for one in NAMES]:
+        text = "Hide Table" if properties.show_table else "Show Table"
+        layout.prop(properties, "show_table", text=text, icon="USER", toggle=True, invert_checkbox=True)
 
 
 class RLE_SPLAT_PT_display(DisplayPanel, OfVolume, bpy.types.Panel):

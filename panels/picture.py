@@ -115,7 +115,9 @@ def _draw_composite(context, layout) -> None:
     if target is not None:
         names = [one.name for one in volumes.volume_objects(context.scene) if not one.hide_render]
         if len(names) > 1:
-            sentence = filled("{volumes} are included in every render.", volumes=", ".join(names))
+            sentence = filled(
+                "{volumes} and {last} are included in every render.", volumes=", ".join(names[:-1]), last=names[-1]
+            )
             paragraph(context, layout, sentence, icon="CHECKMARK")
         elif names:
             sentence = filled("{volume} is included in every render.", volume=names[0])

@@ -3,12 +3,13 @@
 import bpy
 
 from ..bridge.data import effects
-from ..bridge.data.automatic import draw_number
+from ..bridge.data.automatic import draw_length
 from ..bridge.data.settings import is_pre_classified
 from ..bridge.scene import first_light, world_render
 from ..bridge.scene.lights import any_casts_shadows, is_any_lit
 from ..bridge.scene.world import state as world_state
 from ..bridge.volumes import encoded, volumes
+from ..rle_splat.shade.surface_normals import automatic_sigma
 from .places import OfVolume, paragraph
 
 
@@ -35,8 +36,8 @@ class RLE_SPLAT_PT_shading(OfVolume, bpy.types.Panel):
         layout.prop(properties, "use_shading")
         column = layout.column()
         column.enabled = properties.use_shading and not is_pre_classified(settings)
-        unit = f"({properties.length_unit})"
-        draw_number(column, properties, "smoothness", "use_automatic_smoothness", "Smoothness", unit)
+        automatic = automatic_sigma(properties.found_spacing)
+        draw_length(column, properties, "smoothness", "use_automatic_smoothness", "Smoothness", automatic)
         column = layout.column(align=True)
         column.enabled = properties.use_shading
         for name in ("ambient", "diffuse", "specular", "shininess", "highlight", "two_sided"):

@@ -3,6 +3,7 @@
 import bpy
 
 from ..bridge import linked
+from ..bridge.data.automatic import draw_length
 from ..bridge.look import transfer, transfer_nodes
 from ..bridge.translations import filled, with_unit
 from ..bridge.volumes import encoded, volumes
@@ -80,12 +81,9 @@ def _draw_window(layout, properties) -> None:
 
 def _draw_opacity(layout, properties) -> None:
     """The length to which opacities refer, and the opacity of flat regions."""
-    column = layout.column(align=True)
-    column.label(text=with_unit("Opacity Unit Distance", properties.length_unit), translate=False)
-    row = column.row(align=True)
-    row.prop(properties, "use_smallest_spacing")
-    if not properties.use_smallest_spacing:
-        row.prop(properties, "opacity_unit_distance", text="")
+    draw_length(
+        layout, properties, "opacity_unit_distance", "use_smallest_spacing", "Opacity Unit Distance",
+        min(properties.found_spacing))  # fmt: skip
     layout.prop(properties, "use_gradient_opacity")
     if properties.use_gradient_opacity:
         if transfer_nodes.gradient_mapping(properties.transfer) is not None:

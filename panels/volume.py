@@ -8,8 +8,6 @@ from ..bridge.translations import translate
 from ..bridge.volumes import volumes
 from ..operators.refusal import WHICH_VOLUME
 from ..rle_splat.runtime.jit import NUMBA_PROBLEM
-from ..rle_splat.segment.body import NAMES
-from ..rle_splat.segment.label_map import BACKGROUND
 from ..rle_splat.volume.volume import PATIENT
 from . import first_run
 from .live_view import draw_state, draw_switch
@@ -38,7 +36,6 @@ class RLE_SPLAT_PT_volume(Sidebar, bpy.types.Panel):
             layout.menu("RLE_SPLAT_MT_volumes", text=owner.name, icon=icon_of(owner))
             _draw_views(layout, owner.rle_splat)
             draw_state(context, layout)
-            _draw_hidden(layout, owner.rle_splat)
         elif volumes.volume_objects(context.scene):
             layout.menu("RLE_SPLAT_MT_volumes", text="Choose a Volume", icon="OUTLINER_OB_VOLUME")
             paragraph(context, layout, WHICH_VOLUME, icon="INFO")
@@ -55,13 +52,6 @@ def _draw_views(layout, properties) -> None:
         sides = row.row(align=True)
         for side in "APLRSI":
             sides.operator("rle_splat.frame_volume", text=side).side = side
-
-
-def _draw_hidden(layout, properties) -> None:
-    """The button for what Hide Table has hidden, for a table is not all that lies beside a body."""
-    rows = properties.labels
-    if [row.label_name for row in rows] == [one.name for one in NAMES] and not rows[BACKGROUND].show:
-        layout.prop(properties, "show_table", icon="HIDE_ON", toggle=True)
 
 
 def _draw_progress(layout) -> None:

@@ -1,5 +1,7 @@
 """Checkboxes for numbers of which one value means something else, so that panels show a word instead of that number."""
 
+from ..translations import with_unit
+
 
 def switch(name: str, special: float, other: float, *, when_special: bool = True) -> dict:
     """Keyword arguments ``get`` and ``set`` of a BoolProperty that says whether a number has its special value.
@@ -26,19 +28,38 @@ def switch(name: str, special: float, other: float, *, when_special: bool = True
     return {"get": get, "set": put}
 
 
-def draw_number(layout, data, name: str, switch: str, text: str = "", unit: str | None = None) -> None:
+def draw_number(layout, data, name: str, switch: str) -> None:
     """Draw a number that a checkbox makes automatic: the checkbox alone, or both.
 
     Parameters
     ----------
     name, switch : str
         The number, and the checkbox of ``switch``, whose label says what it makes of the number.
-    text : str
-        In place of the number's name, where that would be cut off.
-    unit : str, optional
-        Of the number, in brackets. It stands below the name, since both would be too long for a narrow sidebar.
     """
-    column = layout.column(align=True, heading=text or data.rna_type.properties[name].name)
+    column = layout.column(align=True, heading=data.rna_type.properties[name].name)
     column.prop(data, switch)
     if not getattr(data, switch):
-        column.prop(data, name, text=unit or " ", translate=False)
+        column.prop(data, name, text=" ", translate=False)
+
+
+def draw_length(layout, properties, name: str, switch: str, label: str, automatic: float) -> None:
+    """Draw a length of a volume that a checkbox makes automatic, below its name and unit, with the number in use.
+
+    Parameters
+    ----------
+    name, switch : str
+        As of ``draw_number``.
+    label : str
+        The number's name.
+    automatic : float
+        The length while the checkbox is on.
+    """
+    column = layout.column(align=True)
+    column.use_property_split = False  # name and unit would be cut off
+    column.label(text=with_unit(label, properties.length_unit), translate=False)
+    row = column.row(align=True)
+    row.prop(properties, switch)
+    if getattr(properties, switch):
+        row.label(text=f"{automatic:.4g}" if automatic else "", translate=False)  # 0 in files of early versions
+    else:
+        row.prop(properties, name, text="")

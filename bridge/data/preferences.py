@@ -52,7 +52,7 @@ class RLE_SPLAT_AP_preferences(bpy.types.AddonPreferences):
         ],
     )
     failed_frame: EnumProperty(
-        name="On Error", description="What renders do if the volume cannot be drawn in a frame; for scenes in "
+        name="If a Frame Fails", description="What renders do if the volume cannot be drawn in a frame; for scenes in "
         "which Show in Renders is pressed from now on", items=FAILED_FRAME_ITEMS)  # fmt: skip
     show_live: BoolProperty(
         name="Show Volumes Live", default=True, update=_live_changed,
@@ -100,7 +100,7 @@ class RLE_SPLAT_AP_preferences(bpy.types.AddonPreferences):
         for name, automatic in (("memory_limit", "use_free_memory"), ("threads", "use_all_cores")):
             draw_number(layout, self, name, automatic)
         row = layout.row()
-        row.label(text=filled("Compiled code: {size}", size=memory.bytes_text(kernels_size())))
+        row.label(text=filled("Compiled code and thumbnails: {size}", size=memory.bytes_text(kernels_size())))
         row.operator("rle_splat.clear_cache", icon="TRASH")
         layout.label(text=str(cache_folder()), icon="FILE_FOLDER")
 

@@ -40,11 +40,11 @@ from .volume_properties import VolumeProperties
 QUALITY_TEXTS = {
     "draft": ("Draft", "Fast and coarse, as the drafts that viewports show while anything changes"),
     "standard": ("Standard", "A balance of time and accuracy"),
-    "fine": ("Fine", "More accurate, for final pictures; up to three times the time of Standard"),
+    "fine": ("Fine", "More accurate, for final pictures; 2 to 3 times the time of Standard"),
     "strict": (
         "Very Fine",
-        "The most accurate; 3 to 5 times the time of Standard. With shadows or ambient occlusion, the first picture "
-        "in a light takes about 50 times as long",
+        "The most accurate; 3 to 10 times the time of Standard. With shadows or ambient occlusion, the first picture "
+        "in a light can take 50 times as long",
     ),
 }
 CLASSIFICATION_TEXTS = {
@@ -278,7 +278,7 @@ class SceneSettings(bpy.types.PropertyGroup):
         name="Failed Frames", description="Frames of the last render that could not be drawn, such as 2, 5-7"
     )
     on_failed_frame: EnumProperty(
-        name="On Error", description="What happens if the volume cannot be drawn in a rendered frame",
+        name="If a Frame Fails", description="What happens if the volume cannot be drawn in a rendered frame",
         items=FAILED_FRAME_ITEMS)  # fmt: skip
     use_composite: BoolProperty(
         name="Show in Renders", description="Include this scene's volumes in every render", default=False

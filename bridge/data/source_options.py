@@ -113,7 +113,7 @@ class SourceOptions:
         name="Spacing", description="Distance between voxel centers along x, y and z in the volume's unit; 0 uses the "
         "file's", size=3, precision=4)  # fmt: skip
     use_calibration: BoolProperty(
-        name="Calibrate", description="Compute values with this slope and intercept instead of the file's",
+        name="Rescale Values", description="Compute values with this slope and intercept instead of the file's",
         default=False)  # fmt: skip
     slope: FloatProperty(name="Slope", description="Value = slope * stored number + intercept", default=1.0)
     intercept: FloatProperty(name="Intercept", description="Value of a stored 0, such as -1024 HU", default=0.0)
@@ -130,7 +130,9 @@ class SourceOptions:
     series_key: StringProperty(
         name="Series Hash", description="Hash of the identifier of the DICOM series, by which it is found again",
         options={"HIDDEN"})  # fmt: skip
-    frame: IntProperty(name="Time Point", description="Time point to read: 1 is the first, as is 0", default=0, min=0)
+    frame: IntProperty(
+        name="Time Point", description="Time point to read, from 1; 0 is the same as 1", default=0, min=0
+    )
     level: IntProperty(
         name="Resolution Level", description="Level of an OME-Zarr pyramid: 0 is the finest, -1 the finest that fits "
         "into memory", default=-1, min=-1)  # fmt: skip

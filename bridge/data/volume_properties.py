@@ -183,7 +183,7 @@ class VolumeProperties(Playback, SourceOptions, bpy.types.PropertyGroup):
         subtype="FILE_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"}, update=_labels_chosen)  # fmt: skip
     labels: CollectionProperty(type=LabelProperties, name="Segments", description="Appearance of each segment")
     show_table: BoolProperty(
-        name="Show Table Again", description="Show the table or head holder that is hidden", set=_show_table,
+        name="Show Table", description="Show the table or head holder, or hide it again", set=_show_table,
         get=lambda group: len(group.labels) > BACKGROUND and group.labels[BACKGROUND].show)  # fmt: skip
     labels_of: StringProperty(
         name="Segments Of", description="Name of the segmentation file whose segments are listed", options={"HIDDEN"}
@@ -229,7 +229,7 @@ class VolumeProperties(Playback, SourceOptions, bpy.types.PropertyGroup):
         "DICOM's coordinates. L+, P+ and S+: the number grows toward the left, back or head",
         precision=1, step=100, options=set(), get=_slice_position, set=_move_slice)  # fmt: skip
     slices_follow_window: BoolProperty(
-        name="From Volume", default=True, update=_unlink_slices,
+        name="Volume's Window", default=True, update=_unlink_slices,
         description="Let slices use the window and level of the volume's colors instead of their own")  # fmt: skip
     slice_center: LiveFloat(
         name="Slice Level", description="Value that slices and gray values on cuts show as middle gray", default=0.5,

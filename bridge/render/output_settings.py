@@ -147,7 +147,7 @@ def write_to(scene, output: str, path: str) -> str:
     Parameters
     ----------
     output : {"MP4", "PNG", "EXR"}
-        A movie, or one picture for each frame.
+        An MP4 file, or one picture for each frame.
     path : str
         Absolute path. An extension of one of these kinds is replaced.
 
@@ -186,5 +186,5 @@ def why_no_movie(render) -> str:
     if width % 2 == 0 and height % 2 == 0:
         return ""
     return filled(
-        "A movie needs an even width and height, and the picture is {width} x {height} pixels; change the resolution "
-        "in the output properties, or write pictures.", width=width, height=height)  # fmt: skip
+        "An MP4 file needs an even width and height, and the picture is {width} x {height} pixels; change the "
+        "resolution in the output properties, or write pictures.", width=width, height=height)  # fmt: skip

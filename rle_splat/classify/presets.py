@@ -64,9 +64,7 @@ _ROWS = (
     Preset("ct-industrial", "CT Industrial", "CT", "parts of machines in gray, brighter where they are denser"),
     Preset("ct-botanical", "CT Botanical", "CT", "leaves, stems and wood of plants"),
     Preset("ct-specimen", "CT Specimen", "CT", "a specimen of soft and hard parts, from red to ivory"),
-    Preset(
-        "mr-head", "MR Head", "MR", "the head from outside; clipped faces show the inside; sets Smoothness to 1.6 mm"
-    ),
+    Preset("mr-head", "MR Head", "MR", "the head from outside; cut faces show the inside; sets Smoothness to 1.6 mm"),
     Preset("mr-brain", "MR Brain", "MR", "gray and white matter of a brain without skull; sets Smoothness to 1.6 mm"),
     Preset("mr-angiography", "MR Angio", "MR", "bright vessels"),
     Preset("mr-mip", "MR MIP", "MR", "bright vessels in gray, for MIP"),

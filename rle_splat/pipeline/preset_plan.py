@@ -26,7 +26,6 @@ EQUAL_COSTS = 1.1
 # Of a preset's aim, what a plan may be expected to err by. What is expected is the middle of the calibration scenes;
 # other scenes, under lamps, err up to 3 times as much.
 EXPECTED_SHARE = 0.4
-OF_999 = "at 999 of 1000 pixels"
 AS_GIVEN, FIRST_FRAMES = "The settings are as they were given.", "The settings of the first frame are used."
 BY_PRE = "With classified voxels a quality has the same settings for all scenes."
 
@@ -49,7 +48,7 @@ def choose_plan(source: Source, cache: StageCache) -> Source:
         why = FIRST_FRAMES if quality.held else BY_PRE if quality.is_preset else AS_GIVEN
         return replace(source, plan={"why": why, "aim": None, "expected": None})
     aim, name = PRESET_AIMS[quality.name], {"strict": "Very fine (strict)"}.get(quality.name, quality.name.capitalize())
-    said = f"{name} aims at an error of at most {aim:g} 8-bit steps {OF_999}"
+    said = f"{name} aims at an error of at most {aim:g} of 255 steps in 99.9% of pixels"
     own = tuple(getattr(quality, knob) for knob in PRESET_KNOBS)
     is_known = any(one.knobs == own for one in preset_plans())
     why_not = _explain_no_choice(source.scene) if is_known else "its settings are the same for all scenes"
@@ -62,10 +61,10 @@ def choose_plan(source: Source, cache: StageCache) -> Source:
     usual, chosen = choose(own, aim, rough, can_trace(source))
     expected = chosen.error(rough)
     if chosen.knobs == own:
-        why = f"{said}; {figure_text(expected)} is expected."
+        why = f"{said}; about {figure_text(expected)} is expected."
     else:
         why = (
-            f"{said}; {figure_text(expected)} is expected. Edges are sharp here ({figure_text(rough)} within "
+            f"{said}; about {figure_text(expected)} is expected. Edges are sharp here ({figure_text(rough)} within "
             f"half a voxel), so the settings are {chosen.describe()}. The usual settings would "
             f"give about {figure_text(usual.error(rough))}."
         )

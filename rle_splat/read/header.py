@@ -17,6 +17,7 @@ MILLIMETERS = {
     "mm": 1.0, "millimeter": 1.0, "millimeters": 1.0, "m": 1e3, "meter": 1e3, "meters": 1e3, "cm": 10.0,
     "um": 1e-3, "µm": 1e-3, "μm": 1e-3, "micron": 1e-3, "microns": 1e-3, "micrometer": 1e-3, "nm": 1e-6,
 }  # fmt: skip
+MM_ASSUMED = "The file states no unit of length; mm is assumed."  # a remark
 
 
 def library(name: str, package: str, formats: str):

@@ -21,6 +21,7 @@ from ..volume.volume import PATIENT, NamedLabel, Volume
 from .format import Head, head_of
 from .header import (
     MILLIMETERS,
+    MM_ASSUMED,
     check_affine,
     check_frame,
     check_grid,
@@ -142,7 +143,7 @@ def _geometry(path, header, version: int):
     code = int(header["xyzt_units"]) & 7
     unit = LENGTH_UNITS.get(code, "mm")
     if code not in LENGTH_UNITS:
-        remarks += ("The file states no unit of length; mm is assumed.",)
+        remarks += (MM_ASSUMED,)
     try:
         with np.errstate(invalid="ignore"):  # damaged numbers; checked_affine refuses them
             affine = header.get_sform(coded=True)[0]

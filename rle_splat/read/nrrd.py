@@ -16,6 +16,7 @@ from .datafiles import find_data_files, part_of
 from .format import Head
 from .header import (
     MILLIMETERS,
+    MM_ASSUMED,
     check_affine,
     check_frame,
     check_grid,
@@ -162,7 +163,7 @@ def _geometry(path, header: dict, axes: _Axes):
         scale = MILLIMETERS[unit or "mm"]
         return np.diag((*(scale * s for s in SIGNS[space]), 1.0)) @ affine, "mm", PATIENT, remarks
     if unit is None:
-        remarks += ("The file states no unit of length; mm is assumed.",)
+        remarks += (MM_ASSUMED,)
     return affine, unit or "mm", None, (*remarks, "The file does not say where the patient's left and right are.")
 
 

@@ -229,7 +229,7 @@ class Quality:
         Name of the preset, or another one for reports.
     exact_light : bool or None
         Whether what arrives of lights and of ambient light is traced by rays beside each voxel, not read from a grid:
-        slower and exact. The preset "strict" has it, and plans for a tolerance. Only "post".
+        slower and more accurate. The preset "strict" has it, and plans for a tolerance. Only "post".
     held : bool
         Whether these settings are used as they are. Without it, those of a preset may be replaced by others in
         scenes with sharp edges. In an animation, it gives all frames the settings of the first.

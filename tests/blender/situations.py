@@ -75,7 +75,7 @@ SITUATIONS = {
     "B52": ("a mesh is moved in front of a backdrop that follows", "the backdrop shows it"),
     # Switches: test_switches.py; B55 and B57: test_motion.py
     "B53": ("Meshes Hide Volume, and Render to Image", "a mesh in front hides the volume as in renders"),
-    "B54": ("Meshes Hide Volume, and Shadow Pass", "a mesh in front hides the volume as in renders"),
+    "B54": ("Meshes Hide Volume, and Shadow Image", "a mesh in front hides the volume as in renders"),
     "B55": ("motion blur", "Render to Image and renders show the same"),
     "B56": ("the Mist pass is switched on", "the picture stays the same"),
     "B57": ("motion blur beside handlers of other add-ons", "its poses do not run them"),

@@ -54,6 +54,19 @@ def test_a_nifti_lies_in_the_world_as_the_patient_does(nifti, values, bridge):
     np.testing.assert_allclose(first, AFFINE[:3, 3] * 0.001, rtol=1e-6)  # millimeters in a world of meters
 
 
+@pytest.mark.parametrize("frames", [1, 3])
+def test_a_message_begins_with_what_was_chosen_and_warns_only_of_what_needs_an_action(
+    tmp_path, values, nibabel, capfd, frames
+):
+    path = tmp_path / "scan.nii.gz"
+    nibabel.save(nibabel.Nifti1Image(np.stack([values] * frames, axis=-1), np.diag((-1.0, -1, 1, 1)) @ AFFINE), path)
+    assert bpy.ops.rle_splat.import_volume(filepath=str(path)) == {"FINISHED"}
+    (message,) = [line for line in capfd.readouterr().out.splitlines() if line.startswith(("Warning:", "Info:"))]
+    assert message.startswith("Info: Imported scan. ")
+    ends = ("mm is assumed.", "There are 3 time points; time point 1 was read.")
+    assert message.endswith(ends[frames > 1])
+
+
 @pytest.mark.parametrize(
     ("degrees", "across"), [(0, ("R", "L")), (90, ("A", "P")), (35, ("RA", "LP")), (-110, ("P", "A"))]
 )

@@ -184,5 +184,5 @@ def test_the_shadow_pass_is_what_shadows_take_of_the_picture(ball):
     assert image.colorspace_settings.name == "Non-Color"
     assert share.max() > 0.1 and np.abs(share - np.clip(expected, 0.0, 1.0))[seen].max() < 1e-4
     settings.max_error, settings.classification = 2.0, "pre"
-    with pytest.raises(RuntimeError, match="set Maximum Error to 0"):
+    with pytest.raises(RuntimeError, match="turn Maximum Error off"):
         bpy.ops.rle_splat.shadow_pass()
