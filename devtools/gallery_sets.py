@@ -35,7 +35,7 @@ NAMES = (
     ("Right brachiocephalic vein", (-46.0, -21.0, 93.0)),
     ("Brachiocephalic trunk", (-26.0, -19.0, 88.0)),
     ("Ascending aorta", (-12.0, -28.0, 52.0)),
-    ("Pulmonary trunk", (32.0, -9.0, 53.0)),
+    ("Pulmonary trunk", (22.0, -22.0, 37.0)),
     ("Right ventricle", (10.0, -60.0, -33.0)),
     ("Stent graft", (14.0, 17.0, 86.0)),
     ("False lumen", (21.0, 62.0, 40.0)),

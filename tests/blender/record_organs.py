@@ -95,7 +95,7 @@ def tutorial_of_organs():
     look_from(76.0, 35.0, 0.55)
     yield from settled()
     yield from wait_for_rest()
-    yield from keep("organs-2-imported", words=numbers((1, 991, 528), (3, 991, 553), (4, 991, 447)))
+    yield from keep("organs-2-imported", words=numbers((1, 991, 528), (2, 991, 649), (3, 991, 553), (4, 991, 447)))
     view.overlay.show_overlays = False  # without box and letters
     yield from wait_for_rest()
     yield from keep("whole", ORGANS)

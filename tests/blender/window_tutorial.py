@@ -40,7 +40,7 @@ DULL = 0.0, 0.75  # specular and diffuse: a cut that faces the headlight is not 
 GLOSSY = 0.12, 0.84  # again, under lights: those of the preset
 LEVEL, WINDOW = 400.0, 1200.0  # HU, of the slice
 DARK = (0.012, 0.016, 0.024)  # of the world, from the render on
-DOWN = 12  # turns of the wheel from the first panel to Lighting, Cut and Render
+DOWN = 14  # turns of the wheel from the first panel to Lighting, Cut and Render
 
 
 def step(name: str, began: float, *places):
@@ -117,7 +117,7 @@ def scenario():
     if folder == SCAN:  # panels of another scan are elsewhere
         yield from fold(400, 542, 430)  # Presets; Segments, Color and Opacity
     yield from scroll_sidebar(5)
-    yield from step("tutorial-3-preset", began, (1, 991, 114), (2, 991, 610), (3, 991, 816))
+    yield from step("tutorial-3-preset", began, (1, 991, 88), (2, 991, 612), (3, 991, 816))
 
     began = time.perf_counter()
     with in_the_view():
@@ -138,7 +138,7 @@ def scenario():
     area_of("VIEW_3D").spaces.active.region_3d.view_perspective = "ORTHO"
     look_from(90.0, 0.0, 0.42)
     yield from scroll_sidebar(DOWN)
-    yield from step("tutorial-4-cut", began, (1, 991, 199), (2, 991, 354), (3, 991, 861), (4, 191, 62))
+    yield from step("tutorial-4-cut", began, (1, 991, 119), (2, 991, 328), (3, 991, 832), (4, 191, 62))
 
     began = time.perf_counter()
     figure = Path(os.environ[SHOTS]) / "tutorial-figure.png"
@@ -160,7 +160,7 @@ def scenario():
     yield from settled()
     yield from wait_for_rest()  # with the shaders of the slice
     yield from settled()
-    yield from step("tutorial-5-slice", began, (1, 991, 608), (2, 991, 644), (2, 1254, 681), (4, 1193, 62))
+    yield from step("tutorial-5-slice", began, (1, 991, 581), (2, 991, 617), (4, 1219, 62))
     scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (*DARK, 1.0)
 
     began = time.perf_counter()
