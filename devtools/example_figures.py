@@ -10,7 +10,6 @@ import contextlib
 import io
 import json
 import os
-import re
 import shutil
 import sys
 from dataclasses import replace
@@ -30,7 +29,6 @@ from .sheets import sheet
 
 FOLDER = OUT / "figures"
 PYTHON_TUTORIAL = ROOT / "docs" / "tutorial" / "first-figure-from-python.md"
-TUTORIAL = ROOT / "docs" / "tutorial" / "first-picture-from-the-command-line.md"
 SKULL = "dicom_ct_skull_phantom_512x512x140"
 BRAIN = "flair_brain_124x160x140_uint8.nrrd"
 VIEWS = ((0, 0), (90, 0), (180, 0))  # azimuth and elevation
@@ -44,7 +42,7 @@ ABOVE_LEFT = (-0.7, 0.8, 0.8)  # of a camera: the sun of the turntable
 TURN, MILLISECONDS = 60, 66  # frames of the turntable, and how long each is shown
 FIRST = "--fit", "0.9", "--quality", "fine"
 TURNED = "--azimuth", "35", "--elevation", "20"
-LIT = "--shadows", "--world", "0.15", "0.15", "0.18", "--ambient-occlusion", "1", "--lights"
+LIT = "--antialias", "--light-recipe", "soft"
 CLOSE = ("--azimuth", "30", "--elevation", "20", "--fit", "0.42", "--size", "400")
 CROPS = {  # of the README: photographs of windows, and the part of each
     "readme-live": ("how-to-live", (240, 85, 900, 580)),
@@ -84,14 +82,6 @@ def skull_words(folder: Path) -> list[str]:
     return [str(series), *opaque_bone(folder)]
 
 
-def _sun_of_the_tutorial(folder: Path) -> str:
-    """The file that the tutorial of the command line tells to write."""
-    (text,) = re.findall(r"^```json\n(.*?)^```", TUTORIAL.read_text(encoding="utf-8"), re.M | re.S)
-    path = folder / "sun.json"
-    path.write_text(text, encoding="utf-8")
-    return str(path)
-
-
 def command_lines(folder: Path) -> list[list[str]]:
     """The figures, a brain, and a part of the skull in two qualities."""
     skull, views = skull_words(folder), [word for view in VIEWS for word in ("--view", *map(str, view))]
@@ -103,7 +93,7 @@ def command_lines(folder: Path) -> list[list[str]]:
         *(["render", *skull, *CLOSE, "--quality", quality, "-o", str(folder / f"how-to-{quality}.png")]
           for quality in ("draft", "fine")),
         *(["render", str(turned), *FIRST, *more, "--size", "512", "-o", str(folder / f"{name}.png")]
-          for name, more in (("out", ()), ("side", (*TURNED, *LIT, _sun_of_the_tutorial(folder))))),
+          for name, more in (("out", ()), ("side", (*TURNED, *LIT)))),
         ["render", str(turned), "--frames", "1", "4", "--turn", "30", "--fit", "1.1", "--quality", "fine",
          "--size", str(SMALL), "-o", str(folder / "turn.png")],
         ["figure", str(turned), *TURNED, "--quality", "fine", "-o", str(folder / "first-figure.png")],
