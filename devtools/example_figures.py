@@ -11,6 +11,7 @@ import io
 import json
 import os
 import shutil
+import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -29,8 +30,15 @@ from .sheets import sheet
 
 FOLDER = OUT / "figures"
 PYTHON_TUTORIAL = ROOT / "docs" / "tutorial" / "first-figure-from-python.md"
+MANY = ROOT / "docs" / "how-to" / "picture-many-scans.md"
 SKULL = "dicom_ct_skull_phantom_512x512x140"
 BRAIN = "flair_brain_124x160x140_uint8.nrrd"
+CHEST = "cta_aorta_labels/cta_heart_aorta_120x126x164_int16.nii.gz"
+HEAD = "cthead_256x256x113_uint16be.raw.gz"  # its spacing is known as 1 : 1 : 2
+OF_HEAD = (
+    "--shape 256 256 113 --dtype uint16 --byte-order big --spacing 0.9 0.9 1.8 --orientation LPI --intercept -1024 "
+    "--value-unit HU --modality CT"
+).split()  # fmt: skip
 VIEWS = ((0, 0), (90, 0), (180, 0))  # azimuth and elevation
 OBLIQUE = ("--azimuth", "30", "--elevation", "15", "--fit", "0.95")
 SMALL, POSTER, EYE = 360, 3600, (735, 2470)  # pixels: a picture's side, a poster's, and where a part of it begins
@@ -180,6 +188,23 @@ def run_page(page: Path, own: Path, name: str) -> None:
     save_jpeg(figure, own.parent / f"{name}.jpg", MOST_BYTES)
 
 
+def many(folder: Path) -> None:
+    """how-to-many.jpg: the contact sheet of the page on many scans, of three CTs; with the data folder alone."""
+    from rle_splat.cli.main import main as rle_splat
+
+    own = folder / "many"
+    shutil.rmtree(own, ignore_errors=True)
+    (own / "scans").mkdir(parents=True)
+    words = ["convert", str(data_folder() / HEAD), str(own / "scans" / "1 Head.nrrd"), *OF_HEAD]
+    if not (data_folder() / HEAD).is_file() or rle_splat(words):
+        return
+    for name, scan in (("2 Chest.nii.gz", CHEST), ("3 Plastic skull", SKULL)):
+        (own / "scans" / name).symlink_to(data_folder() / scan)
+    (own / "many.py").write_text(python_of(MANY), encoding="utf-8")
+    subprocess.run([sys.executable, "many.py"], cwd=own, env={**os.environ, "PYTHONPATH": str(ROOT)}, check=True)
+    save_jpeg(Image.open(own / "sheet.png"), folder / "how-to-many.jpg", 2 * MOST_BYTES)
+
+
 def python_examples(folder: Path) -> None:
     """What the Python code of the README and of the tutorial make; with the data folder alone."""
     if not (data_folder() / BRAIN).is_file():
@@ -213,6 +238,7 @@ def from_parts(folder: Path) -> None:
     beside(folder, "how-to-tiles", {"Tiles of four workers": tiled, "The picture": whole})
     picture_and_depth(folder)
     python_examples(folder)
+    many(folder)
     turn(folder)
     effects(folder)
     strip(folder)
