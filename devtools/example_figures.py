@@ -13,7 +13,6 @@ import os
 import shutil
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +28,7 @@ from .places import OUT, ROOT
 from .sheets import sheet
 
 FOLDER = OUT / "figures"
+PYTHON_PAGE = ROOT / "docs" / "how-to" / "use-from-python.md"
 PYTHON_TUTORIAL = ROOT / "docs" / "tutorial" / "first-figure-from-python.md"
 MANY = ROOT / "docs" / "how-to" / "picture-many-scans.md"
 SKULL = "dicom_ct_skull_phantom_512x512x140"
@@ -45,7 +45,7 @@ SMALL, POSTER, EYE = 360, 3600, (735, 2470)  # pixels: a picture's side, a poste
 PYTHON = 480  # pixels: a side of the pictures of the page on Python
 LARGEST = 900, 1400  # pixels: width and height of a figure
 TILE, WORKERS = 90, ("#4477aa", "#ee6677", "#228833", "#ccbb44")  # pixels; a color for each
-MOST_BYTES, BLACK, GRAY = 80_000, (0.0, 0.0, 0.0), "#303030"
+MOST_BYTES, GRAY = 80_000, "#303030"
 ABOVE_LEFT = (-0.7, 0.8, 0.8)  # of a camera: the sun of the turntable
 TURN, MILLISECONDS = 60, 66  # frames of the turntable, and how long each is shown
 FIRST = "--fit", "0.9", "--quality", "fine"
@@ -124,43 +124,24 @@ def beside(folder: Path, name: str, pictures: dict[str, Image.Image], most: int 
 
 
 def picture_and_depth(folder: Path) -> None:
-    """how-to-python.jpg: a picture and its depth as the page on Python makes them, and one that is lit and cut."""
-    volume = rs.read_volume(skull_words(folder)[0])
-    camera, matrix = rs.turntable(volume, azimuth=30, elevation=20, fit=0.95)
-    function = rs.TransferFunction.from_json(folder / "bone.json")
-    scene = rs.Scene(
-        volume,
-        function,
-        camera,
-        width=PYTHON,
-        height=PYTHON,
-        volume_matrix=matrix,
-        labels=rs.body_labels(volume, function),
-        antialias=True,
-    )
-    made = rs.render(scene, rs.Quality.preset("fine"))
+    """how-to-python.jpg: a picture, its depth, and one that is lit and cut, by the code of the page on Python."""
+    code = python_of(PYTHON_PAGE).partition("from PIL")[0]
+    for old, new in (("scan.nii.gz", skull_words(folder)[0]), ("800", f"{PYTHON}"), ("600", f"{PYTHON}")):
+        code = code.replace(old, new)
+    names = {}
+    with contextlib.chdir(folder):
+        exec(code, names)
+    made, opened = names["rendering"], names["opened"]
     seen = made.rgba[..., 3] > 0.5
     near, far = np.quantile(made.depth[seen], (0.01, 0.99))
     gray = np.where(seen, np.clip(1.0 - 0.85 * (made.depth - near) / (far - near), 0.0, 1.0), 0.0)
-    center = rs.turntable_aim(volume, matrix)
-    eye = center + (90.0, -400.0, 120.0)
-    own = rs.Camera(type="PERSP", matrix_world=rs.look_at(eye, center), lens=100.0)
-    sun = rs.Light(type="SUN", energy=2.2, angle=0.3, matrix_world=rs.look_at(center + (0.1, -1.0, 0.6), center))
-    cut = rs.Clip(kind="plane", matrix_world=rs.look_at(center, center + (0.0, 1.0, 0.0)))
-    lit = replace(
-        scene,
-        camera=own,
-        lights=(sun,),
-        headlight=False,
-        volume_shadows=True,
-        world=(0.3, 0.3, 0.3),
-        ambient_occlusion=1.0,
-        clips=(cut,),
-    )
-    shown = Image.fromarray(to_bytes(made.rgba, BLACK)).convert("RGBA")
-    opened = Image.fromarray(to_bytes(rs.render(lit, rs.Quality.preset("fine")).rgba, BLACK)).convert("RGBA")
-    depth = Image.fromarray(np.uint8(np.rint(255.0 * gray)), "L").convert("RGBA")
-    beside(folder, "how-to-python", {"rendering.rgba": shown, "rendering.depth": depth, "lit": opened})
+
+    def picture(rendering):
+        return Image.fromarray(rendering.to_srgb("black"))
+
+    depth = Image.fromarray(np.uint8(np.rint(255.0 * gray)), "L")
+    parts = {"rendering.rgba": picture(made), "rendering.depth": depth, "opened": picture(opened)}
+    beside(folder, "how-to-python", parts)
 
 
 def opening(folder: Path) -> None:
@@ -279,7 +260,7 @@ def turn(folder: Path) -> None:
         scene = rs.Scene(
             volume, function, camera, PYTHON, PYTHON, volume_matrix=matrix, headlight=False,
             lights=(rs.Light(matrix_world=rs.look_at(toward, (0.0, 0.0, 0.0)), energy=3.0),), volume_shadows=True,
-            world=(0.15, 0.15, 0.18), ambient_occlusion=1.0,
+            world=(0.15, 0.15, 0.18), ambient_occlusion=1.0, antialias=True,
         )  # fmt: skip
         frames.append(on_gray(Image.fromarray(to_bytes(rs.render(scene, "fine", cache=cache).rgba), "RGBA")))
     frames[0].save(folder / "how-to-turn.webp", save_all=True, append_images=frames[1:], duration=MILLISECONDS, loop=0,
