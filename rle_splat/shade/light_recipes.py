@@ -13,6 +13,7 @@ import numpy as np
 from ..classify.transfer_function import Shade
 from ..classify.visible_box import visible_reach
 from ..scene import Light, RleSplatError, Scene
+from ..scene.light import LightType
 from ..view.look_at import look_at
 
 LightRecipe = Literal["three", "bone", "soft", "skin", "smoke", "specimen"]
@@ -41,7 +42,7 @@ class RecipeLight:
     """
 
     name: str
-    type: str
+    type: LightType
     power: float
     place: tuple
     color: tuple
@@ -91,11 +92,11 @@ class Recipe:
         for light in self.lights:
             right, away, up = light.place
             matrix = look_at(middle + side * (turn @ (right, up, -away)), middle, turn[:, 1])
-            given = {"color": light.color, "matrix_world": matrix, "casts_shadow": light.casts_shadow}
+            made = Light(light.type, light.color, light.power, matrix, casts_shadow=light.casts_shadow)
             if light.type == "SUN":
-                found.append(Light("SUN", energy=light.power, angle=light.size, **given))
+                found.append(replace(made, angle=light.size))
             else:
-                found.append(Light("AREA", energy=light.power * side**2, size=light.size * side, **given))
+                found.append(replace(made, energy=light.power * side**2, size=light.size * side))
         return tuple(found)
 
 
