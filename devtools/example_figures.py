@@ -10,10 +10,9 @@ import contextlib
 import io
 import json
 import os
-import re
 import shutil
+import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -29,22 +28,29 @@ from .places import OUT, ROOT
 from .sheets import sheet
 
 FOLDER = OUT / "figures"
+PYTHON_PAGE = ROOT / "docs" / "how-to" / "use-from-python.md"
 PYTHON_TUTORIAL = ROOT / "docs" / "tutorial" / "first-figure-from-python.md"
-TUTORIAL = ROOT / "docs" / "tutorial" / "first-picture-from-the-command-line.md"
+MANY = ROOT / "docs" / "how-to" / "picture-many-scans.md"
 SKULL = "dicom_ct_skull_phantom_512x512x140"
 BRAIN = "flair_brain_124x160x140_uint8.nrrd"
+CHEST = "cta_aorta_labels/cta_heart_aorta_120x126x164_int16.nii.gz"
+HEAD = "cthead_256x256x113_uint16be.raw.gz"  # its spacing is known as 1 : 1 : 2
+OF_HEAD = (
+    "--shape 256 256 113 --dtype uint16 --byte-order big --spacing 0.9 0.9 1.8 --orientation LPI --intercept -1024 "
+    "--value-unit HU --modality CT"
+).split()  # fmt: skip
 VIEWS = ((0, 0), (90, 0), (180, 0))  # azimuth and elevation
 OBLIQUE = ("--azimuth", "30", "--elevation", "15", "--fit", "0.95")
 SMALL, POSTER, EYE = 360, 3600, (735, 2470)  # pixels: a picture's side, a poster's, and where a part of it begins
 PYTHON = 480  # pixels: a side of the pictures of the page on Python
 LARGEST = 900, 1400  # pixels: width and height of a figure
 TILE, WORKERS = 90, ("#4477aa", "#ee6677", "#228833", "#ccbb44")  # pixels; a color for each
-MOST_BYTES, BLACK, GRAY = 80_000, (0.0, 0.0, 0.0), "#303030"
+MOST_BYTES, GRAY = 80_000, "#303030"
 ABOVE_LEFT = (-0.7, 0.8, 0.8)  # of a camera: the sun of the turntable
 TURN, MILLISECONDS = 60, 66  # frames of the turntable, and how long each is shown
 FIRST = "--fit", "0.9", "--quality", "fine"
 TURNED = "--azimuth", "35", "--elevation", "20"
-LIT = "--shadows", "--world", "0.15", "0.15", "0.18", "--ambient-occlusion", "1", "--lights"
+LIT = "--antialias", "--light-recipe", "soft"
 CLOSE = ("--azimuth", "30", "--elevation", "20", "--fit", "0.42", "--size", "400")
 CROPS = {  # of the README: photographs of windows, and the part of each
     "readme-live": ("how-to-live", (240, 85, 900, 580)),
@@ -84,14 +90,6 @@ def skull_words(folder: Path) -> list[str]:
     return [str(series), *opaque_bone(folder)]
 
 
-def _sun_of_the_tutorial(folder: Path) -> str:
-    """The file that the tutorial of the command line tells to write."""
-    (text,) = re.findall(r"^```json\n(.*?)^```", TUTORIAL.read_text(encoding="utf-8"), re.M | re.S)
-    path = folder / "sun.json"
-    path.write_text(text, encoding="utf-8")
-    return str(path)
-
-
 def command_lines(folder: Path) -> list[list[str]]:
     """The figures, a brain, and a part of the skull in two qualities."""
     skull, views = skull_words(folder), [word for view in VIEWS for word in ("--view", *map(str, view))]
@@ -103,7 +101,7 @@ def command_lines(folder: Path) -> list[list[str]]:
         *(["render", *skull, *CLOSE, "--quality", quality, "-o", str(folder / f"how-to-{quality}.png")]
           for quality in ("draft", "fine")),
         *(["render", str(turned), *FIRST, *more, "--size", "512", "-o", str(folder / f"{name}.png")]
-          for name, more in (("out", ()), ("side", (*TURNED, *LIT, _sun_of_the_tutorial(folder))))),
+          for name, more in (("out", ()), ("side", (*TURNED, *LIT)))),
         ["render", str(turned), "--frames", "1", "4", "--turn", "30", "--fit", "1.1", "--quality", "fine",
          "--size", str(SMALL), "-o", str(folder / "turn.png")],
         ["figure", str(turned), *TURNED, "--quality", "fine", "-o", str(folder / "first-figure.png")],
@@ -126,43 +124,24 @@ def beside(folder: Path, name: str, pictures: dict[str, Image.Image], most: int 
 
 
 def picture_and_depth(folder: Path) -> None:
-    """how-to-python.jpg: a picture and its depth as the page on Python makes them, and one that is lit and cut."""
-    volume = rs.read_volume(skull_words(folder)[0])
-    camera, matrix = rs.turntable(volume, azimuth=30, elevation=20, fit=0.95)
-    function = rs.TransferFunction.from_json(folder / "bone.json")
-    scene = rs.Scene(
-        volume,
-        function,
-        camera,
-        width=PYTHON,
-        height=PYTHON,
-        volume_matrix=matrix,
-        labels=rs.body_labels(volume, function),
-        antialias=True,
-    )
-    made = rs.render(scene, rs.Quality.preset("fine"))
+    """how-to-python.jpg: a picture, its depth, and one that is lit and cut, by the code of the page on Python."""
+    code = python_of(PYTHON_PAGE).partition("from PIL")[0]
+    for old, new in (("scan.nii.gz", skull_words(folder)[0]), ("800", f"{PYTHON}"), ("600", f"{PYTHON}")):
+        code = code.replace(old, new)
+    names = {}
+    with contextlib.chdir(folder):
+        exec(code, names)
+    made, opened = names["rendering"], names["opened"]
     seen = made.rgba[..., 3] > 0.5
     near, far = np.quantile(made.depth[seen], (0.01, 0.99))
     gray = np.where(seen, np.clip(1.0 - 0.85 * (made.depth - near) / (far - near), 0.0, 1.0), 0.0)
-    center = rs.turntable_aim(volume, matrix)
-    eye = center + (90.0, -400.0, 120.0)
-    own = rs.Camera(type="PERSP", matrix_world=rs.look_at(eye, center), lens=100.0)
-    sun = rs.Light(type="SUN", energy=2.2, angle=0.3, matrix_world=rs.look_at(center + (0.1, -1.0, 0.6), center))
-    cut = rs.Clip(kind="plane", matrix_world=rs.look_at(center, center + (0.0, 1.0, 0.0)))
-    lit = replace(
-        scene,
-        camera=own,
-        lights=(sun,),
-        headlight=False,
-        volume_shadows=True,
-        world=(0.3, 0.3, 0.3),
-        ambient_occlusion=1.0,
-        clips=(cut,),
-    )
-    shown = Image.fromarray(to_bytes(made.rgba, BLACK)).convert("RGBA")
-    opened = Image.fromarray(to_bytes(rs.render(lit, rs.Quality.preset("fine")).rgba, BLACK)).convert("RGBA")
-    depth = Image.fromarray(np.uint8(np.rint(255.0 * gray)), "L").convert("RGBA")
-    beside(folder, "how-to-python", {"rendering.rgba": shown, "rendering.depth": depth, "lit": opened})
+
+    def picture(rendering):
+        return Image.fromarray(rendering.to_srgb("black"))
+
+    depth = Image.fromarray(np.uint8(np.rint(255.0 * gray)), "L")
+    parts = {"rendering.rgba": picture(made), "rendering.depth": depth, "opened": picture(opened)}
+    beside(folder, "how-to-python", parts)
 
 
 def opening(folder: Path) -> None:
@@ -188,6 +167,23 @@ def run_page(page: Path, own: Path, name: str) -> None:
     figure = Image.open(io.BytesIO(names["figure"]._repr_png_())).convert("RGB")
     figure.thumbnail(LARGEST, Image.Resampling.LANCZOS)
     save_jpeg(figure, own.parent / f"{name}.jpg", MOST_BYTES)
+
+
+def many(folder: Path) -> None:
+    """how-to-many.jpg: the contact sheet of the page on many scans, of three CTs; with the data folder alone."""
+    from rle_splat.cli.main import main as rle_splat
+
+    own = folder / "many"
+    shutil.rmtree(own, ignore_errors=True)
+    (own / "scans").mkdir(parents=True)
+    words = ["convert", str(data_folder() / HEAD), str(own / "scans" / "1 Head.nrrd"), *OF_HEAD]
+    if not (data_folder() / HEAD).is_file() or rle_splat(words):
+        return
+    for name, scan in (("2 Chest.nii.gz", CHEST), ("3 Plastic skull", SKULL)):
+        (own / "scans" / name).symlink_to(data_folder() / scan)
+    (own / "many.py").write_text(python_of(MANY), encoding="utf-8")
+    subprocess.run([sys.executable, "many.py"], cwd=own, env={**os.environ, "PYTHONPATH": str(ROOT)}, check=True)
+    save_jpeg(Image.open(own / "sheet.png"), folder / "how-to-many.jpg", 2 * MOST_BYTES)
 
 
 def python_examples(folder: Path) -> None:
@@ -223,6 +219,7 @@ def from_parts(folder: Path) -> None:
     beside(folder, "how-to-tiles", {"Tiles of four workers": tiled, "The picture": whole})
     picture_and_depth(folder)
     python_examples(folder)
+    many(folder)
     turn(folder)
     effects(folder)
     strip(folder)
@@ -263,7 +260,7 @@ def turn(folder: Path) -> None:
         scene = rs.Scene(
             volume, function, camera, PYTHON, PYTHON, volume_matrix=matrix, headlight=False,
             lights=(rs.Light(matrix_world=rs.look_at(toward, (0.0, 0.0, 0.0)), energy=3.0),), volume_shadows=True,
-            world=(0.15, 0.15, 0.18), ambient_occlusion=1.0,
+            world=(0.15, 0.15, 0.18), ambient_occlusion=1.0, antialias=True,
         )  # fmt: skip
         frames.append(on_gray(Image.fromarray(to_bytes(rs.render(scene, "fine", cache=cache).rgba), "RGBA")))
     frames[0].save(folder / "how-to-turn.webp", save_all=True, append_images=frames[1:], duration=MILLISECONDS, loop=0,

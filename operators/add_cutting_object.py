@@ -11,7 +11,7 @@ from ..bridge.look import transfer
 from ..bridge.scene import clip_objects
 from ..bridge.volumes import box, encoded, labels, volumes
 from ..bridge.volumes.attached import volume_frame
-from ..rle_splat.classify.visible_box import visible_box
+from ..rle_splat.classify.visible_box import visible_reach
 from ..rle_splat.scene import RleSplatError
 from .placing import make_active
 from .reading import LoadsFirst
@@ -54,11 +54,10 @@ def fitted(owner, volume, fit: str) -> np.ndarray:
             raise RleSplatError(f"{encoded.why_no_values(owner)}, or choose Whole Volume.")
         function = transfer.read_transfer(owner)
         shown_labels = labels.read_labels(owner, bpy.context.evaluated_depsgraph_get(), volume, function)
-        found = visible_box(volume, function, shown_labels)
+        found = visible_reach(volume, function, shown_labels)
         if found is None:
             raise RleSplatError(f"The opacity curve of {owner.name!r} shows no voxel; choose Whole Volume.")
-        # The picture of a voxel reaches to the centers of its neighbors.
-        first, last = np.maximum(found[0] - 1.0, first), np.minimum(found[1] + 1.0, last)
+        first, last = found
     half = 0.5 * (last - first)
     matrix = np.diag((*np.where(half > 0.0, half, 0.5), 1.0))  # a cutting object must not be flat
     matrix[:3, 3] = 0.5 * (first + last)

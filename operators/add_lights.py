@@ -1,25 +1,27 @@
 """Add Lights: the lights of a recipe, fitted to the volume's size and place, and the settings that go with them."""
 
+from contextlib import suppress
+
 import bpy
 import numpy as np
 from bpy.app.translations import pgettext_iface
 from bpy.props import EnumProperty
-from mathutils import Matrix, Quaternion, Vector
+from mathutils import Matrix
 
 from ..bridge import linked
 from ..bridge.data.settings import scene_scale_of
 from ..bridge.scene import viewports
-from ..bridge.scene.light_recipes import RECIPES, SMOOTHEST
 from ..bridge.translations import filled
 from ..bridge.volumes import box, volumes
 from ..rle_splat.scene import MODES, RleSplatError
+from ..rle_splat.shade.light_recipes import RECIPES
 from .add_cutting_object import visible_corners
 from .reading import LoadsFirst
 from .refusal import has_editable_values, refuses
 
 MARK = "rle_splat_lights"  # custom property of the collection and of its lights: the name of the volume they are for
 BEFORE = "rle_splat_before_lights"  # of the volume: what the last recipe changed of it, as (value before, value set)
-FROM_THE_FRONT = Matrix.Rotation(np.pi / 2.0, 3, "X").to_quaternion()  # the view along +Y, with +Z up
+FROM_THE_FRONT = Matrix.Rotation(np.pi / 2.0, 3, "X")  # the view along +Y, with +Z up
 
 
 class RLE_SPLAT_OT_add_lights(LoadsFirst, bpy.types.Operator):
@@ -52,21 +54,17 @@ class RLE_SPLAT_OT_add_lights(LoadsFirst, bpy.types.Operator):
 
     @refuses
     def execute(self, context):
-        owner, scene, recipe = volumes.volume_object(context), context.scene, RECIPES[self.kind]
+        owner, scene, recipe = volumes.volume_object(context), context.scene, RECIPES[self.kind.lower()]
         context.view_layer.update()  # a script may just have placed the camera
         side = _longest_side(owner)
         corners = visible_corners(owner, scene)
-        middle, turn = Vector((0.5 * (corners.min(axis=0) + corners.max(axis=0))).tolist()), _turn_of_view(context)
+        middle = 0.5 * (corners.min(axis=0) + corners.max(axis=0))
         home = _emptied_collection(owner, scene)
-        for light in recipe.lights:
-            one = bpy.data.objects.new(light.name, _light_data(light, side))
+        for light, placed in zip(recipe.lights, recipe.lights_for(middle, _turn_of_view(context), side)):
+            one = bpy.data.objects.new(light.name, _light_data(light.name, placed))
             one[MARK] = owner.name
             home.objects.link(one)
-            right, away, up = light.place
-            toward = turn @ Vector((right, up, -away))
-            one.matrix_world = (
-                Matrix.Translation(middle + side * toward) @ toward.to_track_quat("Z", "Y").to_matrix().to_4x4()
-            )
+            one.matrix_world = Matrix(placed.matrix_world.tolist())
         labels = _apply_settings(owner, scene, recipe, side)
         if owner.rle_splat.mode == MODES[0]:
             names = ", ".join(light.name for light in recipe.lights)
@@ -87,14 +85,21 @@ def _longest_side(owner) -> float:
     return side
 
 
-def _turn_of_view(context) -> Quaternion:
-    """The rotation of the active camera; without one of the 3D viewport, and without both of a view from the front."""
+def _turn_of_view(context) -> np.ndarray:
+    """The axes of the active camera; without one of the 3D viewport, and without both of a view from the front.
+
+    Returns
+    -------
+    (3, 3) ndarray of float64
+        Right, up and backward, as columns.
+    """
+    turn = FROM_THE_FRONT
     if context.scene.camera is not None:
-        return context.scene.camera.matrix_world.to_quaternion()
-    try:
-        return Matrix(viewports.view_of(context)[0].tolist()).to_quaternion()
-    except RleSplatError:
-        return FROM_THE_FRONT
+        turn = context.scene.camera.matrix_world
+    else:
+        with suppress(RleSplatError):
+            turn = Matrix(viewports.view_of(context)[0].tolist())
+    return np.array(turn.to_quaternion().to_matrix(), np.float64)
 
 
 def _emptied_collection(owner, scene):
@@ -112,28 +117,29 @@ def _emptied_collection(owner, scene):
     return home
 
 
-def _light_data(light, side: float):
-    """A new light datablock for a volume whose longest side is ``side`` world units."""
-    data = bpy.data.lights.new(light.name, light.type)
-    data.color, data.use_shadow = light.color, light.casts_shadow
+def _light_data(name: str, light):
+    """A new light datablock like a Light."""
+    data = bpy.data.lights.new(name, light.type)
+    data.color, data.energy, data.use_shadow = light.color, light.energy, light.casts_shadow
     if light.type == "SUN":
-        data.energy, data.angle = light.power, light.size
-        return data
-    data.energy, data.size = light.power * side**2, light.size * side
+        data.angle = light.angle
+    else:
+        data.size = light.size
     return data
 
 
 def _apply_settings(owner, scene, recipe, side: float) -> list[str]:
     """Set what goes with a recipe, and return the labels of it, without effects of the scene that it turns off."""
     unit = scene_scale_of(scene, owner.rle_splat.length_unit) * owner.matrix_world.median_scale
-    of_recipe = dict(recipe.volume)
-    if "smoothness" in of_recipe:
-        of_recipe["smoothness"] = min(of_recipe["smoothness"], SMOOTHEST * side / unit)
+    of_recipe = ({"use_shading": True} if recipe.turns_shading_on else {}) | recipe.shade_for(side / unit)
     before = _settings_before(owner)
     labels = []
     of_volume = {"lighting": "SCENE", **before, **of_recipe}
     before = {name: before.get(name, getattr(owner.rle_splat, name)) for name in of_recipe}
-    for group, values in ((owner.rle_splat, of_volume), (scene.rle_splat, recipe.scene)):
+    of_scene = {
+        "use_shadows": True, "ambient_occlusion": recipe.ambient_occlusion, "indirect_light": recipe.indirect_light
+    }  # fmt: skip
+    for group, values in ((owner.rle_splat, of_volume), (scene.rle_splat, of_scene)):
         for name, value in values.items():
             setattr(group, name, value)
             if group == owner.rle_splat or value:

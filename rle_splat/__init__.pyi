@@ -33,6 +33,7 @@ from .view.turntable import turntable_aim as turntable_aim
 from .view.look_at import look_at as look_at
 from .scene import Camera as Camera
 from .scene import Light as Light
+from .shade.light_recipes import add_lights as add_lights
 from .cli.images import read_environment as read_environment
 from .scene import Environment as Environment
 from .scene import Mist as Mist

@@ -45,6 +45,12 @@ def visible_box(volume, tf, labels=None) -> tuple[np.ndarray, np.ndarray] | None
     return np.array([along[0] for along in found]), np.array([along[-1] for along in found])
 
 
+def visible_reach(volume, tf, labels=None) -> tuple[np.ndarray, np.ndarray] | None:
+    """The box of ``visible_box`` and its neighbors in the volume: the picture of a voxel reaches to their centers."""
+    found = visible_box(volume, tf, labels)
+    return found and (np.maximum(found[0] - 1.0, 0.0), np.minimum(found[1] + 1.0, np.array(volume.shape_xyz) - 1.0))
+
+
 def _numbers_by_opacity(functions: dict) -> dict:
     """Opacity points, None for hidden -> (one of the transfer functions with them, numbers of its labels)."""
     groups = {}

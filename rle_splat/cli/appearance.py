@@ -58,14 +58,14 @@ def choose_transfer_function(args, volume, given):
         Why it was chosen, for the report.
     """
     function, reason = _choose(args, volume, given)
-    function = _set_smoothness(function, getattr(args, "smoothness", None))
+    function = set_smoothness(function, getattr(args, "smoothness", None))
     if volume.levels and function.opacity_unit_distance is None:  # or a coarser level would be less dense
         finer = np.array(volume.shape_xyz) / volume.levels[0]
         function = replace(function, opacity_unit_distance=float((volume.spacing * finer).min()))
     return function, reason
 
 
-def _set_smoothness(function, smoothness: float | None):
+def set_smoothness(function, smoothness: float | None):
     """The transfer function with the smoothness of its surfaces in mm; None for its own."""
     if smoothness is None:
         return function

@@ -18,7 +18,13 @@ from . import options
 from .appearance import read_transfer_function
 from .figure_files import FURTHER, check_figure_file, write_page
 from .figure_options import add_figure_options, list_panels, panels_of, style_from
-from .light_options import add_light_effect_options, check_light_effects, read_sky, with_light_effects
+from .light_options import (
+    add_light_effect_options,
+    check_light_effects,
+    read_sky,
+    with_light_effects,
+    with_light_recipe,
+)
 from .mixing import add_mixing_options, hide_table, mix, mixing_inputs, read_further, read_mixing
 from .progress import ProgressLine
 from .viewing import check_scene_options, make_scene, place, read_lights, read_placement
@@ -146,6 +152,7 @@ def _make(args, line):
     if table is not None:
         panels = [replace(panel, scene=replace(panel.scene, labels=table)) for panel in panels]
         labels = DataSource(_use_slashes(args.volume), {BODY: True})
+    panels = [replace(panel, scene=with_light_recipe(args, panel.scene)) for panel in panels]
     frames = args.fit is None and camera is None
     made = _render(Figure(tuple(panels), style), [quality] * wanted.count, line, frames=frames)
     remarks = (*reasons, *further.remarks, *more, *made.remarks, *options.quality_remarks(args, quality))

@@ -9,10 +9,10 @@ RARE = {
     "--debug", "--progress", "--tile", "--mist", "--motion", "--byte-order", "--header-bytes", "--slope", "--intercept",
     "--grid", "--level", "--unit", "--value-unit", "--modality", "--transfer-name", "--effect", "--fit", "--fov",
     "--volume-matrix", "--scene-scale", "--camera-path", "--like", "--again", "--dask", "--workers", "--slabs",
-    "--environment", "--shadow-pass", "--label-edges", "--file-channels", "--channel-function", "--probes", "--paper",
-    "--classification", "--depth-rule", "--sheet-density", "--kernel", "--minification", "--warp-filter",
-    "--termination", "--axis-fade", "--rays", "--model", "--record", "--data", "--aspect", "--font-size",
-    "--scale-depth",
+    "--environment", "--indirect-light", "--shadow-pass", "--label-edges", "--file-channels", "--channel-function",
+    "--probes", "--paper", "--classification", "--depth-rule", "--sheet-density", "--kernel", "--minification",
+    "--warp-filter", "--termination", "--axis-fade", "--rays", "--model", "--record", "--data", "--aspect",
+    "--font-size", "--scale-depth",
 }  # fmt: skip
 
 

@@ -6,7 +6,9 @@ import numpy as np
 
 from ..scene import RleSplatError, Scene
 from ..scene.plain import plain
+from ..shade.light_recipes import RECIPES, add_lights
 from ..view.projection import depth_row
+from .appearance import set_smoothness
 from .images import read_environment
 
 # Directions that differ by less than this are equal: a .rle file stores them exactly, a camera file may round them.
@@ -16,6 +18,10 @@ DIRECTION_TOLERANCE = 1e-6
 def add_light_effect_options(parser, with_pass: bool = True) -> None:
     """Add these options; ``with_pass``: the one of the shadow pass too."""
     group = parser.add_argument_group("shadows and ambient light")
+    group.add_argument(
+        "--light-recipe", choices=RECIPES, metavar="NAME",
+        help=f"lights for a kind of scan: {', '.join(RECIPES)}; with shadows and ambient occlusion, by the camera",
+    )  # fmt: skip
     group.add_argument(
         "--shadows",
         action="store_true",
@@ -32,13 +38,13 @@ def add_light_effect_options(parser, with_pass: bool = True) -> None:
         "0 is +Z, the middle +X; it replaces the default headlight",
     )
     group.add_argument(
-        "--ambient-occlusion", type=float, default=0.0, metavar="STRENGTH",
-        help="darken hollows, 0 (off, the default) to 1",
+        "--ambient-occlusion", type=float, metavar="STRENGTH",
+        help="darken hollows, 0 (off) to 1; default 0, or that of the recipe",
     )  # fmt: skip
     group.add_argument(
-        "--indirect-light", type=float, default=0.0, metavar="AMOUNT",
-        help="scattering, 0 (off, the default) to 1; light that casts shadows scatters in the volume; only with "
-        "--classification post",
+        "--indirect-light", type=float, metavar="AMOUNT",
+        help="scattering, 0 (off) to 1; default 0, or that of the recipe; light that casts shadows scatters in the "
+        "volume; only with --classification post",
     )  # fmt: skip
     if with_pass:
         group.add_argument(
@@ -51,33 +57,36 @@ def add_light_effect_options(parser, with_pass: bool = True) -> None:
 def check_light_effects(args) -> None:
     """Refuse options that contradict each other or have no effect, before any file is read."""
     wanted = {
-        "shadows": args.shadows, "world": args.world is not None, "environment": args.environment is not None,
-        "ambient-occlusion": args.ambient_occlusion != 0.0, "indirect-light": args.indirect_light != 0.0,
+        "light-recipe": args.light_recipe is not None, "shadows": args.shadows, "world": args.world is not None,
+        "environment": args.environment is not None, "ambient-occlusion": bool(args.ambient_occlusion),
+        "indirect-light": bool(args.indirect_light),
     }  # fmt: skip
     if wanted["world"] and wanted["environment"]:
         raise RleSplatError("--world and --environment are both the light from all directions; give one of the two.")
+    if args.light_recipe and args.lights:
+        raise RleSplatError("--light-recipe and --lights are both the lights; give one of the two.")
     name = next((name for name, given in wanted.items() if given), None)
     if name is not None and args.no_shading:
         raise RleSplatError(f"--no-shading and --{name} contradict each other; give one of the two.")
     shadow_pass = getattr(args, "shadow_pass", None)
-    if shadow_pass is not None and not (args.shadows or args.ambient_occlusion):
+    if shadow_pass is not None and not (args.shadows or args.ambient_occlusion or args.light_recipe):
         raise RleSplatError("--shadow-pass needs shadows; add --shadows or --ambient-occlusion.")
     if shadow_pass is not None and args.tolerance is not None:
         raise RleSplatError(
             "A shadow pass is made by a quality; remove --shadow-pass, or use --quality in place of --tolerance."
         )
-    if wanted["indirect-light"] and not args.shadows:
+    if wanted["indirect-light"] and not (args.shadows or args.light_recipe):
         raise RleSplatError("--indirect-light scatters light that casts shadows; add --shadows.")
-    if args.shadows and args.lights is None:
+    if args.shadows and args.lights is None and args.light_recipe is None:
         raise RleSplatError("--shadows needs lights; give some with --lights, because a headlight casts none.")
 
 
 def refuse_light_effects(args) -> None:
     """Refuse these options for a .rle file, whose light is already encoded."""
     world = args.world is not None or args.environment is not None
-    if args.shadows or world or args.ambient_occlusion != 0.0 or args.indirect_light != 0.0:
+    if args.light_recipe or args.shadows or world or args.ambient_occlusion or args.indirect_light:
         raise RleSplatError(
-            f"The light of {args.volume} is already encoded; remove --shadows, --world, --environment, "
+            f"The light of {args.volume} is already encoded; remove --light-recipe, --shadows, --world, --environment, "
             "--ambient-occlusion and --indirect-light, or render the original volume."
         )
 
@@ -124,11 +133,22 @@ def with_light_effects(args, scene: Scene, sky) -> Scene:
     """The scene with the shadows, world light, ambient occlusion and indirect light of the options; ``sky`` is of
     ``read_sky``."""
     scene = replace(
-        scene, volume_shadows=args.shadows, ambient_occlusion=args.ambient_occlusion,
-        indirect_light=args.indirect_light,
+        scene, volume_shadows=args.shadows, ambient_occlusion=args.ambient_occlusion or 0.0,
+        indirect_light=args.indirect_light or 0.0,
     )  # fmt: skip
     if sky is None:
         return replace(scene, world=None if args.world is None else tuple(args.world))
     mean, environment = sky
     headlight = scene.headlight and args.headlight is not None
     return replace(scene, world=mean, environment=environment, headlight=headlight)
+
+
+def with_light_recipe(args, scene: Scene) -> Scene:
+    """A scene lit by --light-recipe for its camera; other options go before what the recipe sets."""
+    if args.light_recipe is None:
+        return scene
+    lit = add_lights(replace(scene, lights=()), args.light_recipe)
+    function = set_smoothness(lit.transfer_function, args.smoothness)
+    given = {name: getattr(args, name) for name in ("ambient_occlusion", "indirect_light")}
+    changes = {name: value for name, value in given.items() if value is not None}
+    return replace(lit, headlight=bool(args.headlight), transfer_function=function, **changes)

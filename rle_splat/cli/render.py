@@ -218,6 +218,7 @@ def prepare(args, checked: Checked, line, like: Like | None = None) -> tuple[Pre
         table, more = hide_table(args, scene.volume, scene.transfer_function, line)
         remarks += more
     scene = replace(scene, crop=checked.crop, labels=table or scene.labels)
+    scene = light_options.with_light_recipe(args, scene)
     return replace(prepared, scene=scene, remarks=remarks), like
 
 
@@ -290,6 +291,7 @@ def see_anew(args, checked: Checked, first: PreparedScene) -> PreparedScene:
     if checked.is_encoded:
         light_options.check_lighting(args, volume.lighting, read_lights(args)[0], camera)
     scene = replace(first.scene, camera=camera, volume_matrix=matrix, motion=())
+    scene = light_options.with_light_recipe(args, scene)
     return replace(first, scene=moving(scene, checked.poses), read_ms=0.0)
 
 

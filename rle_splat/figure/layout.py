@@ -311,20 +311,9 @@ def automatic_caption(draft: PageDraft) -> str:
         sentences.append(f"Window {window} {unit}".rstrip() + f", level {level} {unit}".rstrip() + ".")
     elif first.transfer_function.name:
         sentences.append(f"Transfer function {_function_words(first)}.")
-    counts = " × ".join(map(str, first.volume.shape_xyz))
-    sides = " × ".join(f"{side:.3g}" for side in np.round(first.volume.spacing, 6))
-    sentences.append(f"{counts} voxels of {sides}{NO_BREAK}{first.volume.unit}.")
-    cuts = [clip.kind for clip in first.clips]
-    if cuts:
-        planes, boxes = cuts.count("plane"), cuts.count("box")
-        counted = (planes, "plane" if planes == 1 else "planes"), (boxes, "box" if boxes == 1 else "boxes")
-        sentences.append(f"Cut by {' and '.join(f'{number} {word}' for number, word in counted if number)}.")
-    hidden = _hidden_words(first)
-    if hidden:
-        sentences.append(f"Hidden: {hidden}.")
-    smoothed = sorted({f"{length:.3g}{NO_BREAK}{first.volume.unit}" for length in draft.smoothed if length})
-    if smoothed:
-        sentences.append(f"Surfaces smoothed by {' and '.join(smoothed)} for light.")
+    for words in (_voxel_words, _cut_words, _hidden_words):
+        sentences += _sentence_of_panels([words(scene) for scene in scenes])
+    sentences += _sentence_of_panels(list(map(_smoothing_words, scenes, draft.smoothed)))
     kinds = {"ORTHO": "Orthographic", "PERSP": "Perspective"}
     found = list(dict.fromkeys(kinds[scene.camera.type] for scene in scenes))
     views = {view_name(scene) for scene in scenes}
@@ -339,6 +328,34 @@ def automatic_caption(draft: PageDraft) -> str:
     return check_text(text, "The figure's caption")
 
 
+def _sentence_of_panels(texts: list) -> list[str]:
+    """A sentence of what all panels have, or of which has what; none where no panel has anything."""
+    found: dict[str, list[str]] = {}
+    for n, text in enumerate(texts):
+        found.setdefault(text, []).append(LABELS[n] if len(texts) <= len(LABELS) else str(n + 1))
+    if len(found) == 1:
+        return [f"{text[:1].upper()}{text[1:]}." for text in found if text]
+    parts = "; ".join(f"({', '.join(panels)}) {text}" for text, panels in found.items() if text)
+    return [f"{parts}."] if parts else []
+
+
+def _voxel_words(scene: Scene) -> str:
+    counts = " × ".join(map(str, scene.volume.shape_xyz))
+    sides = " × ".join(f"{side:.3g}" for side in np.round(scene.volume.spacing, 6))
+    return f"{counts} voxels of {sides}{NO_BREAK}{scene.volume.unit}"
+
+
+def _cut_words(scene: Scene) -> str:
+    kinds = [clip.kind for clip in scene.clips]
+    planes, boxes = kinds.count("plane"), kinds.count("box")
+    counted = (planes, "plane" if planes == 1 else "planes"), (boxes, "box" if boxes == 1 else "boxes")
+    return f"cut by {' and '.join(f'{number} {word}' for number, word in counted if number)}" if kinds else ""
+
+
+def _smoothing_words(scene: Scene, length: float) -> str:
+    return f"surfaces smoothed by {length:.3g}{NO_BREAK}{scene.volume.unit} for light" if length else ""
+
+
 def _hidden_words(scene: Scene) -> str:
     """How many segments are hidden, and whether the background is; "" where nothing is.
 
@@ -351,7 +368,7 @@ def _hidden_words(scene: Scene) -> str:
     segments = f"{count} segment{'s' * (count > 1)}" if count else ""
     named = {one.label: one.name for one in scene.labels.volume.named_labels} | scene.labels.names
     outside = "what lies beside the body" if named == BODY_NAMES else "what is outside all segments"
-    return " and ".join(filter(None, (outside * (BACKGROUND in hidden), segments)))
+    return "hidden: " * bool(hidden) + " and ".join(filter(None, (outside * (BACKGROUND in hidden), segments)))
 
 
 def _function_words(scene: Scene) -> str:

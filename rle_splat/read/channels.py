@@ -1,6 +1,7 @@
 """Channels: further volumes whose values are brought onto the grid of a scan."""
 
 from os import PathLike
+from typing import Any
 
 from ..runtime.steps import drain
 from ..volume.regrid import on_grid_steps
@@ -10,7 +11,7 @@ from .formats import format_of, read_steps
 MOST_CHANNELS = 16  # of one file
 
 
-def read_channel(path: str | PathLike | Volume, volume: Volume, **options: object) -> Volume:
+def read_channel(path: str | PathLike | Volume, volume: Volume, **options: Any) -> Volume:
     """Read a second volume, such as the PET of a CT, and bring its values onto the grid of a volume, for ``Channel``.
 
     Parameters

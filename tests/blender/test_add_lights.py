@@ -1,6 +1,7 @@
 """Add Lights: where the lights of each recipe stand, what a second click replaces, and that they light the volume."""
 
 import math
+from dataclasses import asdict
 from importlib import import_module
 
 import bpy
@@ -67,9 +68,36 @@ def test_each_kind_adds_lights_that_point_to_what_is_visible(owner, kind):
     assert bpy.context.scene.collection.children[:] == [collection]
 
 
-def test_the_kinds_of_the_operator_are_the_recipes(bridge):
+def test_the_kinds_of_the_operator_are_the_recipes(core):
     kinds = bpy.ops.rle_splat.add_lights.get_rna_type().properties["kind"].enum_items
-    assert tuple(one.identifier for one in kinds) == tuple(bridge("scene.light_recipes").RECIPES) == KINDS
+    recipes = core("shade.light_recipes").RECIPES
+    assert tuple(one.identifier for one in kinds) == tuple(map(str.upper, recipes)) == KINDS
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_python_lights_a_scene_as_the_operator_does(owner, bridge, core, kind):
+    def scene():
+        bpy.context.view_layer.update()
+        depsgraph = bpy.context.evaluated_depsgraph_get()
+        return bridge("scene.render_scene").read_scene(owner, depsgraph, with_meshes=False)[0]
+
+    scenes.add_camera((3.0, -40.0, 5.0), (1.2, 0.1, -0.5))
+    owner.scale = (0.5, 0.5, 0.5)
+    owner.rle_splat.lighting, owner.rle_splat.use_shading = "HEADLIGHT", kind != "SMOKE"
+    made = core("shade.light_recipes").add_lights(scene(), kind.lower())
+    add(kind)
+    wanted = scene()
+    assert len(made.lights) == len(wanted.lights) == len(LIGHTS[kind])
+    for one, other in zip(*(sorted(lit.lights, key=lambda light: light.energy) for lit in (made, wanted))):
+        assert (one.type, one.casts_shadow) == (other.type, other.casts_shadow)
+        np.testing.assert_allclose(one.matrix_world, other.matrix_world, atol=1e-5)
+        np.testing.assert_allclose(one.color, other.color, atol=1e-6)
+        size = "angle" if one.type == "SUN" else "size"
+        assert one.energy == pytest.approx(other.energy, rel=1e-5)
+        assert getattr(one, size) == pytest.approx(getattr(other, size), rel=1e-5)
+    for name in ("headlight", "volume_shadows", "ambient_occlusion", "indirect_light"):
+        assert getattr(made, name) == pytest.approx(getattr(wanted, name)), name
+    assert asdict(made.transfer_function.shade) == pytest.approx(asdict(wanted.transfer_function.shade))
 
 
 def test_without_a_camera_the_key_is_at_the_upper_left_of_the_front(owner):

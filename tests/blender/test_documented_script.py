@@ -22,20 +22,21 @@ PAGES = Path(__file__).resolve().parents[2] / "docs/how-to"
 def scripts_of(page, **there):
     """The scripts of a page, with other files for those in /data."""
     text = (PAGES / page).read_text(encoding="utf-8")
+    text = text.replace("= 960, 640", "= 24, 16").replace('f"/data/{path.name}.png"', "f'{path}.png'")
     for name, path in there.items():
         assert len(re.findall(rf'"/data/{name}[."]', text)) == 1
         text = re.sub(rf'"/data/{name}(\.\w+)?"', lambda _, path=path: repr(str(path)), text)
     return [compile(one, page, "exec") for one in re.findall(r"^```python\n(.*?)^```", text, re.MULTILINE | re.DOTALL)]
 
 
-def test_the_documented_scripts_run(tmp_path, core, bridge):
+def test_the_documented_scripts_run(tmp_path, core, bridge, capsys):
     pytest.importorskip("pydicom")
     phantoms = import_module("tests.read.dicom_phantoms")
     phantoms.write_classic(tmp_path / "scan", phantoms.geometry("a", (1, 0, 0), (0, 1, 0), [2.0 * i for i in range(6)]))
     (tmp_path / "bone.json").write_text('{"opacity": [[0, 0.0], [500, 0.9]], "color": [[0, 1.0, 1.0, 1.0]]}')
-    first, further, of_array = scripts_of(
+    first, every, further, of_array = scripts_of(
         "script-blender.md", FLAIR=tmp_path / "scan", scan=tmp_path / "render.png", bone=tmp_path / "bone.json",
-        segmentations=tmp_path / "masks", array=tmp_path / "array.nrrd",
+        segmentations=tmp_path / "masks", array=tmp_path / "array.nrrd", scans=tmp_path / "scans",
     )  # fmt: skip
     scenes.use_cycles((32, 32))
     bpy.context.scene.world = bpy.data.worlds.new("World")  # as in a new file
@@ -66,6 +67,15 @@ def test_the_documented_scripts_run(tmp_path, core, bridge):
     assert red > 2.0 * green > 0.0
     exec(of_array, names)
     assert bpy.context.object.rle_splat.is_volume and (tmp_path / "array.nrrd").is_file()
+
+    (tmp_path / "scans").mkdir()
+    (tmp_path / "scans" / "a-broken.nrrd").write_text("no scan")
+    for name in ("a.nrrd", "b.nrrd"):
+        core("read.formats").write_volume(volume, tmp_path / "scans" / name)
+    exec(every, names)
+    assert {path.name for path in (tmp_path / "scans").glob("*.png")} == {"a.nrrd.png", "b.nrrd.png"}
+    assert "a-broken.nrrd: " in capsys.readouterr().out
+    assert [one.name for one in bpy.data.objects if one.rle_splat.is_volume] == ["b"]
 
 
 def test_the_camera_path_of_a_scene_shows_it_on_the_command_line(tmp_path, core, monkeypatch, capsys):

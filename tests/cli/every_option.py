@@ -39,6 +39,7 @@ VALUES = {
     "--frames": ["1 2 --turn 40"], "--turn": ["90 --frames 1 2"], "--camera-path": ["cameras.json"],
     "--again": ["--frames 1 2 --turn 40"], "--motion": ["poses.json"],
     "--antialias": ["", "--perspective"], "--clip": ["clips.json"],
+    "--light-recipe": ["three", "skin --smoothness 1", "smoke --ambient-occlusion 0.2"],
     "--shadows": ["--lights lights.json"], "--world": ["0.2 0.2 0.3"], "--environment": ["sky.exr"],
     "--ambient-occlusion": ["0.5"], "--indirect-light": [f"1 {LIT}"], "--shadow-pass": [f"pass.npy {LIT}"],
     "--labels": ["labels.raw --label-functions labels.json"],

@@ -1,7 +1,10 @@
-"""The Python code of docs/how-to/use-from-python.md, of the tutorial and of the README runs as it stands there."""
+"""The Python code of the README, of the tutorial and of two guides runs as it stands there."""
 
+import os
 import re
 import shutil
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -45,6 +48,28 @@ def test_the_tutorial_runs_and_prints_what_it_says(tmp_path, monkeypatch, capsys
             assert MEASURED.sub(" N", capsys.readouterr().out) == MEASURED.sub(" N", block)
     assert checked > 5 and names["within"].report["error"]["kept"] and (tmp_path / "brain.svg").stat().st_size > 10_000
     assert [path.name for path in (tmp_path / "pictures").iterdir()] == ["FLAIR.nrrd.png"]
+
+
+@pytest.mark.slow  # it compiles the kernels of the quality fine under a recipe
+def test_the_script_for_many_scans_runs_twice_and_says_what_is_wrong(tmp_path):
+    Image = pytest.importorskip("PIL.Image")
+    (tmp_path / "scans").mkdir()
+    ball = np.linalg.norm(np.indices((SIDE,) * 3) - SIDE / 2, axis=0) < SIDE / 3
+    for name, unit in (("a", "HU"), ("b", "HU"), ("mr", None)):
+        volume = rle_splat.Volume(np.int16(2000 * ball - 1000), np.diag((3, 3, 3, 1)), space="patient", value_unit=unit)
+        rle_splat.write_volume(volume, tmp_path / "scans" / f"{name}.nrrd")
+    (tmp_path / "scans" / "text.nrrd").write_text("no scan")
+    (tmp_path / "many.py").write_text(python_of(ROOT / "docs/how-to/picture-many-scans.md"), encoding="utf-8")
+    for said in ("", " has a picture"):
+        words = [sys.executable, "many.py"]
+        env = {**os.environ, "PYTHONPATH": str(ROOT)}
+        done = subprocess.run(words, cwd=tmp_path, env=env, capture_output=True, text=True, check=False)
+        first, second, third, fourth = done.stdout.splitlines()
+        assert (first, second, third) == (f"a.nrrd:{said}", f"b.nrrd:{said}", "mr.nrrd: is no CT in HU"), done.stderr
+        assert "text.nrrd is not a NRRD file" in fourth
+    assert sorted(path.name for path in (tmp_path / "pictures").iterdir()) == ["a.nrrd.png", "b.nrrd.png"]
+    sheet = np.asarray(Image.open(tmp_path / "sheet.png"))
+    assert sheet.shape == (400, 720, 3) and (sheet[200, (180, 540)] > 60).all()
 
 
 @pytest.mark.slow  # it compiles the kernels of the quality fine

@@ -1,6 +1,7 @@
 """Shadows, the world's light and ambient occlusion on the command line: they reach the picture, or are refused."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -72,6 +73,30 @@ def test_an_environment_lights_by_direction_in_place_of_the_headlight(render, tm
     assert effects["headlight"]["on"] and both.sum() > rgba.sum()
 
 
+@pytest.mark.parametrize("recipe", ["three", "skin"])
+def test_a_light_recipe_lights_as_in_python_and_other_options_go_before_it(render, tmp_path, recipe):
+    rgba, effects = render("--light-recipe", recipe, "--azimuth", "40", lights=False)
+    assert effects["shadows"]["on"] and effects["ambient occlusion"]["on"] and not effects["headlight"]["on"]
+    volume = rle_splat.read_volume(tmp_path / "ball.raw", shape=(11, 11, 11), dtype="uint8")
+    function = rle_splat.TransferFunction.from_json(tmp_path / "tf.json")
+    camera, matrix = rle_splat.turntable(volume, azimuth=40)
+    hidden = rle_splat.Labels(replace(volume, voxels=np.ones((11, 11, 11), np.uint8)), {1: function})
+    for labels in (None, hidden):
+        scene = rle_splat.Scene(volume, function, camera, 24, 24, volume_matrix=matrix, labels=labels)
+        lit = rle_splat.add_lights(scene, recipe)
+        np.testing.assert_allclose(rle_splat.render(lit).rgba, rgba, atol=1e-5)
+    _, effects = render("--light-recipe", recipe, "--ambient-occlusion", "0", lights=False)
+    assert effects["shadows"]["on"] and not effects["ambient occlusion"]["on"]
+
+
+def test_a_light_recipe_turns_with_the_camera(render, tmp_path):
+    ball = f"{tmp_path}/ball.raw --shape 11 11 11 --dtype uint8 --transfer-function {tmp_path}/tf.json --size 24"
+    turned = "--light-recipe bone --frames 1 2 --turn 180"
+    assert main(f"render {ball} {turned} -o {tmp_path}/out.npy".split()) == 0
+    first, second = (np.load(tmp_path / f"out_{n:04}.npy") for n in (1, 2))
+    assert np.abs(first - second).mean() < 0.01 < 0.1 * first.mean()  # a ball looks the same from both sides
+
+
 def test_the_shadow_pass_is_the_share_of_light_that_is_gone(render, tmp_path):
     plain, _ = render()
     rgba, _ = render("--shadows", "--shadow-pass", str(tmp_path / "pass.npy"))
@@ -99,6 +124,8 @@ def test_the_shadow_pass_is_the_share_of_light_that_is_gone(render, tmp_path):
         (["--shadows", "--tolerance", "2", "--shadow-pass", "x.npy"], {}, "made by a quality"),
         (["--smoothness", "1", "--no-shading"], {"lights": False}, "contradict each other"),
         (["--smoothness", "-1"], {}, "from 0 to 100 mm"),
+        (["--light-recipe", "three"], {}, "give one of the two"),
+        (["--light-recipe", "three", "--no-shading"], {"lights": False}, "contradict each other"),
         (["--shadow-pass", "x.npy"], {}, "add --shadows or --ambient-occlusion"),
     ],
 )

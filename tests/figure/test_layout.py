@@ -219,6 +219,15 @@ def test_the_caption_says_how_far_surfaces_are_smoothed(drawing, balls):
         assert "moothed" not in other
 
 
+def test_the_caption_says_which_panels_are_cut_smoothed_or_of_other_voxels(drawing, balls):
+    other = balls(affine=np.diag((0.5, 1.0, 1.0, 1.0)))
+    scenes = drawing.scene(), drawing.scene(clips=(Clip("plane"),)), drawing.scene(other, clips=(Clip("plane"),))
+    caption = automatic_caption(PageDraft(Figure(tuple(map(Panel, scenes)), drawing.style), [0.0, 1.5, 0.0]))
+    voxels = f"20 × 12 × 14 voxels of {{}} × 1 × 1{NO_BREAK}mm".format
+    assert f" (a, b) {voxels(1)}; (c) {voxels(0.5)}. (b, c) cut by 1 plane. " in caption
+    assert f" (b) surfaces smoothed by 1.5{NO_BREAK}mm for light. " in caption and "idden" not in caption
+
+
 def test_the_caption_counts_what_cuts(drawing):
     plane, box = Clip("plane"), Clip("box")
     for clips, words in (((plane, box, box), " Cut by 1 plane and 2 boxes. "), ((box,), " Cut by 1 box. "), ((), "")):
