@@ -35,7 +35,9 @@ SHOTS = {
     "pet": Shot("a PET from two sides with its tumors in color and a bar in SUV", (1500, 1000), 12, finer=2),
     "light": Shot("six scans as they are imported, and under the light of a recipe", (480, 420), 1, finer=2),
     "lamps": Shot("a brain as it is imported, and with a key, a fill and a rim light", (480, 456), 1, finer=2),
-    "worlds": Shot("a skull under two HDRIs, before a backdrop, and cut out with its shadow", (480, 420), 64, finer=2),
+    "worlds": Shot(
+        "a brain under two HDRIs; a skull before a backdrop, and cut out with its shadow", (480, 420), 64, finer=2
+    ),
     "shadows": Shot("the shadow of a foot by Cycles and by EEVEE", (480, 540), 48),
     "meshes": Shot("a brain among meshes, and behind glass", (960, 640), 64),
     "baked": Shot("a brain by RLE Splat, and baked to Cycles' own volume", (320, 320), 128),

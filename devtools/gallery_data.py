@@ -96,4 +96,4 @@ def shadows(folder: Path):
 
 
 meshes = baked = lamps = brain
-light = worlds = skull  # light: the first of several scans
+light = worlds = skull  # the first of several scans

@@ -1,13 +1,13 @@
 """The pictures of the page of lighting recipes: six scans under the light that an import leaves, and under the recipe;
-a brain whose lamps are added one by one; a skull under HDRIs, before a backdrop, and cut out (runs in an environment
-with bpy).
+a brain whose lamps are added one by one; a brain under HDRIs, a skull before a backdrop and cut out (runs in an
+environment with bpy).
 
 Every step is an operator or a setting that a user has, too.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import bpy
@@ -133,28 +133,33 @@ def lamps(stage: Stage):
         yield one.name if one.name == "Key" else f"+ {one.name}"
 
 
+def _shown(stage: Stage, recipe: Recipe) -> Stage:
+    """The scan of a recipe, in place of all objects, before the camera."""
+    for one in list(bpy.data.objects):
+        bpy.data.objects.remove(one)
+    path = DATA / recipe.file
+    first = min(path.iterdir()) if path.is_dir() else path
+    bpy.ops.rle_splat.import_volume(filepath=str(first), at_cursor=True, **recipe.options)
+    stage.volume = volume = bpy.context.view_layer.objects.active
+    if path.suffix == ".vdb":
+        volume.matrix_world = Matrix.Rotation(1.5708, 4, "X") @ volume.matrix_world
+    volume.matrix_world = Matrix.Rotation(recipe.turn, 4, "Z") @ volume.matrix_world
+    made = Stage.of(volume, stage.folder)
+    if recipe.file == SKULL:
+        _without_holder()
+    if recipe.file in LOWEST:
+        _largest_part(volume, LOWEST[recipe.file])
+    for key, value in recipe.volume.items():
+        setattr(volume.rle_splat, key, value)
+    made.camera(recipe.toward, recipe.lens, recipe.aim)
+    return made
+
+
 def light(stage: Stage):
     """Each scan under the headlight, and under its recipe."""
     _ready(stage)
     for recipe in RECIPES:
-        for one in list(bpy.data.objects):  # the scan before
-            bpy.data.objects.remove(one)
-        path = DATA / recipe.file
-        first = min(path.iterdir()) if path.is_dir() else path
-        bpy.ops.rle_splat.import_volume(filepath=str(first), at_cursor=True, **recipe.options)
-        volume = bpy.context.view_layer.objects.active
-        if path.suffix == ".vdb":
-            volume.matrix_world = Matrix.Rotation(1.5708, 4, "X") @ volume.matrix_world
-        volume.matrix_world = Matrix.Rotation(recipe.turn, 4, "Z") @ volume.matrix_world
-        made = Stage.of(volume, stage.folder)
-        if recipe.file == SKULL:
-            _without_holder()
-        if recipe.file in LOWEST:
-            _largest_part(volume, LOWEST[recipe.file])
-        for key, value in recipe.volume.items():
-            setattr(volume.rle_splat, key, value)
-        made.camera(recipe.toward, recipe.lens, recipe.aim)
-        stage.volume = volume
+        _shown(stage, recipe)
         yield f"Headlight of {recipe.name}"
         bpy.ops.rle_splat.add_lights(kind=recipe.light)
         yield recipe.name
@@ -163,15 +168,10 @@ def light(stage: Stage):
 
 
 def worlds(stage: Stage):
-    """A skull under two HDRIs of Blender, before a backdrop, and cut out with its shadow."""
-    scene, ours = bpy.context.scene, stage.volume.rle_splat
+    """A brain under two HDRIs of Blender; a skull before a backdrop, and cut out with its shadow."""
+    scene, toward = bpy.context.scene, (0.55, -1.9, 0.3)
     _ready(stage)
-    bpy.ops.rle_splat.apply_preset(preset="ct-bone")
-    _without_holder()
-    for key, value in {**OPAQUE, "smoothness": 3.0, "shift_by": -140.0}.items():
-        setattr(ours, key, value)
-    toward = (0.55, -1.9, 0.3)
-    stage.camera(toward, 62.0, aim=(0.06, 0.0, -0.1))
+    _shown(stage, Recipe("", BRAIN, "", {"preset": "mr-brain"}, toward=(1.6, -0.85, 0.6), lens=74.0))
     stage.settings.ambient_occlusion = 1.0
     scene.cycles.use_denoising, scene.render.film_transparent = True, False
     folder = Path(bpy.utils.system_resource("DATAFILES")) / "studiolights" / "world"
@@ -179,7 +179,8 @@ def worlds(stage: Stage):
         hdri_world(folder / f"{name.lower()}.exr")
         yield f"HDRI, {name}"
     scene.world = None
-    floor = stage.sweep(toward, stage.foot - 0.01, (0.16, 0.165, 0.175))
+    made = _shown(stage, replace(RECIPES[1], toward=toward, lens=62.0, aim=(0.06, 0.0, -0.1)))
+    floor = made.sweep(toward, made.foot - 0.01, (0.16, 0.165, 0.175))
     bpy.context.view_layer.objects.active = stage.volume
     bpy.ops.rle_splat.add_lights(kind="BONE")
     bpy.data.objects["Rim"].data.use_shadow = False  # one shadow on the floor

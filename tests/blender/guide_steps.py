@@ -120,6 +120,12 @@ def masks() -> Path:
     return folder
 
 
+def save(name: str) -> None:
+    """Save the file where a reader could have it."""
+    SCANS.mkdir(parents=True, exist_ok=True)
+    assert bpy.ops.wm.save_as_mainfile(filepath=str(SCANS / name)) == {"FINISHED"}
+
+
 def activate(volume) -> None:
     bpy.context.view_layer.objects.active = volume
 

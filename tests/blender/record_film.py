@@ -20,12 +20,13 @@ from tests.blender.window_driver import SHOTS, area_of, drive, in_the_view, pass
 
 TURN, LAST, STEP = 60, 120, 2  # frames of the turn, and of all; each second one is shown
 ANGLE, START, LENS = 40.0, 20.0, 78.0  # degrees, and mm
-NODES = "1250x360+15+215"  # of the window: the nodes alone
+NODES = "1250x440+15+215"  # of the window: the nodes alone
 KEYED = 40  # the frame of the picture of the keyframes
 OUTSIDE = 0.09  # meters from the middle to the left
 LEVEL, WINDOW = 90.0, 170.0
+RIM, SPECULAR = 12.0, 0.1  # watts; of the skin
 DARK = (0.012, 0.016, 0.024)  # of the world
-GRADED, EXPOSURE = 27, 0.2  # the frame of the picture
+GRADED, EXPOSURE = 27, 0.3  # the frame of the picture
 GRADES = (  # caption, view transform, look; the last is graded
     ("Standard", "Standard", "None"),
     ("AgX", "AgX", "None"),
@@ -50,6 +51,8 @@ def turn_and_cut(scene, volume):
         scene.frame_set(TURN)  # from there, the rim light is behind the head and not on the cut
         activate(volume)
         assert bpy.ops.rle_splat.add_lights(kind="SKIN") == {"FINISHED"}
+        bpy.data.objects["Rim"].data.energy = RIM
+        volume.rle_splat.specular = SPECULAR
         bpy.ops.view3d.view_axis(type="RIGHT")  # of Blender: the patient's left
     yield from settled()
     with in_the_view():
@@ -111,35 +114,29 @@ def photograph_nodes(scene):
     yield from keep("film-nodes", NODES)
 
 
-def grade(scene):
-    """Steps 5 and 6 of the tutorial, of one frame."""
-    folder = os.environ[SHOTS]
-    exr = scene.render.filepath = os.path.join(folder, "graded.exr")
-    scene.frame_set(GRADED)
-    scene.render.image_settings.media_type = "MULTI_LAYER_IMAGE"
-    with in_the_view():
-        assert bpy.ops.render.render(write_still=True) == {"FINISHED"}
-    made = bpy.data.scenes.new("Grade")
+def grade(rendered):
+    """Step 6 of the tutorial: the graded frames, and one frame in several view transforms."""
+    folder, made = os.environ[SHOTS], bpy.data.scenes.new("Grade")
     tree = made.compositing_node_group = bpy.data.node_groups.new("Grade", "CompositorNodeTree")
     tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
-    image, exposure, balance = (
-        tree.nodes.new(f"CompositorNode{kind}") for kind in ("Image", "Exposure", "ColorBalance")
-    )
-    for number, node in enumerate((image, exposure, balance)):
+    kinds = "Image", "Exposure", "ColorBalance"
+    image, exposure, balance = (tree.nodes.new(f"CompositorNode{kind}") for kind in kinds)
+    output = tree.nodes.new("NodeGroupOutput")
+    for number, node in enumerate((image, exposure, balance, output)):
         node.location.x = 260.0 * number
-    image.image, image.layer = bpy.data.images.load(exr), "Composite"
+    image.image = bpy.data.images.load(rendered.render.frame_path(frame=rendered.frame_start))
+    image.image.source, image.layer, image.frame_duration = "SEQUENCE", "Composite", LAST
     exposure.inputs["Exposure"].default_value = EXPOSURE
     for name, color in (("Lift", LIFT), ("Gain", GAIN)):
         next(one for one in balance.inputs if one.name == name and one.type == "RGBA").default_value = color
     tree.links.new(image.outputs["Combined"], exposure.inputs["Image"])
     tree.links.new(exposure.outputs["Image"], balance.inputs["Image"])
-    output = tree.nodes.new("NodeGroupOutput")
-    output.location.x = 800.0
     tree.links.new(balance.outputs["Image"], output.inputs["Image"])
-    render, view = made.render, made.view_settings
-    made.camera, render.engine, render.resolution_x, render.resolution_y = scene.camera, "BLENDER_WORKBENCH", 960, 720
+    render, view, names = made.render, made.view_settings, {}
+    made.camera = rendered.camera
+    render.engine, render.resolution_x, render.resolution_y = "BLENDER_WORKBENCH", 960, 720
     render.image_settings.media_type, render.image_settings.file_format = "IMAGE", "JPEG"
-    names = {}
+    made.frame_set(GRADED)
     for number, (caption, transform, look) in enumerate(GRADES):
         view.view_transform = transform
         view.look = look
@@ -149,6 +146,11 @@ def grade(scene):
         with bpy.context.temp_override(scene=made):
             assert bpy.ops.render.render(write_still=True, scene=made.name) == {"FINISHED"}
     beside("film-graded", names, across=2)
+    made.frame_start, made.frame_end = rendered.frame_start, rendered.frame_end
+    made.frame_step = rendered.frame_step
+    render.image_settings.file_format, render.filepath = "PNG", os.path.join(folder, "frame-")
+    with bpy.context.temp_override(scene=made):
+        assert bpy.ops.render.render(animation=True, scene=made.name) == {"FINISHED"}
     yield from photograph_nodes(made)
 
 
@@ -161,11 +163,12 @@ def scenario():
     with in_the_view():
         assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
     scene.rle_splat.quality, scene.frame_start, scene.frame_end, scene.frame_step = "fine", 1, TURN, STEP
-    scene.view_settings.view_transform, render.filepath = "Standard", os.path.join(os.environ[SHOTS], "frame-")
+    scene.view_settings.view_transform, render.filepath = "Standard", os.path.join(os.environ[SHOTS], "head_")
     scene.world = bpy.data.worlds.new("World")
     scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (*DARK, 1.0)
     render.engine, scene.cycles.samples = "CYCLES", SAMPLES
-    render.resolution_x, render.resolution_y, render.image_settings.file_format = 960, 720, "PNG"
+    render.resolution_x, render.resolution_y = 960, 720
+    render.image_settings.media_type = "MULTI_LAYER_IMAGE"
     ended, began = [], time.perf_counter()
     bpy.app.handlers.render_complete.append(lambda *_: ended.append(True))
     with in_the_view():

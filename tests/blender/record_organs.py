@@ -26,6 +26,7 @@ from tests.blender.guide_steps import (
     look_from,
     masks,
     numbers,
+    save,
 )
 from tests.blender.scenes import module
 from tests.blender.user_steps import middle, press, settled
@@ -96,6 +97,7 @@ def tutorial_of_organs():
     yield from settled()
     yield from wait_for_rest()
     yield from keep("organs-2-imported", words=numbers((1, 991, 528), (2, 991, 649), (3, 991, 553), (4, 991, 447)))
+    save("Aorta.blend")
     view.overlay.show_overlays = False  # without box and letters
     yield from wait_for_rest()
     yield from keep("whole", ORGANS)

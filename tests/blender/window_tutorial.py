@@ -18,7 +18,7 @@ from pathlib import Path
 import bpy
 from mathutils import Euler
 
-from tests.blender.guide_steps import fold, keep, numbers
+from tests.blender.guide_steps import fold, keep, numbers, save
 from tests.blender.user_steps import hover, middle, press, scroll_sidebar, settled
 from tests.blender.window_driver import (
     SHOTS,
@@ -104,6 +104,7 @@ def scenario():
     look_from(80.0, 25.0, 0.6)
     yield from settled()
     yield from wait_for_rest()  # with the pictures of presets
+    save("Skull.blend")
     yield from step("tutorial-2-imported", began)
 
     began = time.perf_counter()
