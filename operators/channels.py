@@ -20,7 +20,7 @@ from .placing import make_active
 from .reading import LoadsFirst
 from .refusal import has_editable_values, has_editable_volume, needs, refuses
 
-OTHER_FILE = "Show another file together with this volume, such as a PET or a dose on a CT"
+OTHER_FILE = "Show another file together with this volume, as a channel: a PET or a dose on a CT, or a second stain"
 OF_FILE = "Show the other channels of this volume's own file together with it"
 
 
@@ -58,8 +58,8 @@ class RLE_SPLAT_OT_add_channels(LoadsFirst, bpy.types.Operator):
 
 
 class RLE_SPLAT_OT_import_channel(ImportsVolumes, bpy.types.Operator, ImportHelper):
-    """Show another file, or the other channels of this volume's own file, together with this volume, such as a PET or
-    a dose on a CT"""
+    """Show another file, or the other channels of this volume's own file, together with this volume: a PET or a dose
+    on a CT, or a second stain"""
 
     bl_idname = "rle_splat.import_channel"
     bl_label = "Add Channel from File"

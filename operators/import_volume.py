@@ -117,7 +117,7 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
         "word seg, label or segmentation", default=False, options={"SKIP_SAVE"})  # fmt: skip
     hide_table: BoolProperty(
         name="Hide Table", description="In a CT, find the body and hide the table or the head holder if the transfer "
-        "function shows it. Show Table in the panel Display shows it", default=False,
+        "function shows it. Hide Table in the panel Display, clicked again, shows it", default=False,
         options={"SKIP_SAVE"})  # fmt: skip
 
     @classmethod

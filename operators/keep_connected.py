@@ -37,7 +37,7 @@ class RLE_SPLAT_OT_keep_connected(MakesSegments, bpy.types.Operator):
 
 class RLE_SPLAT_OT_pick_connected(PicksSurface, bpy.types.Operator):
     """Click on a part of the volume in a 3D viewport: it and what is connected to it become a segment, and the rest
-    is hidden"""
+    is hidden. Parts connect through visible voxels, so preset and Shift decide: raise Shift to separate parts"""
 
     bl_idname = "rle_splat.pick_connected"
     bl_label = "Keep What Is Under the Mouse"

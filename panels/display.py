@@ -70,8 +70,7 @@ def _draw_table(layout, properties) -> None:
     if not rows and properties.space == PATIENT and modality_of(properties) == "CT":
         layout.operator("rle_splat.hide_table", icon="USER")
     elif [row.label_name for row in rows] == [one.name for one in NAMES]:
-        text = "Hide Table" if properties.show_table else "Show Table"
-        layout.prop(properties, "show_table", text=text, icon="USER", toggle=True, invert_checkbox=True)
+        layout.prop(properties, "hide_table", icon="USER", toggle=True)
 
 
 class RLE_SPLAT_PT_display(DisplayPanel, OfVolume, bpy.types.Panel):

@@ -2,7 +2,7 @@
 
 from ..bridge import linked
 from ..bridge.look import previews, transfer_nodes
-from ..bridge.look.probe import value_text
+from ..bridge.look.probe import number_text, value_text
 from ..bridge.look.transfer import window_of
 from ..bridge.translations import filled
 from ..bridge.volumes import facts
@@ -38,7 +38,7 @@ def draw_curve(context, layout, owner) -> None:
     for value, alignment in ((low, "LEFT"), (0.5 * (low + high), "CENTER"), (high, "RIGHT")):
         place = axis.row()
         place.alignment = alignment
-        place.label(text=value_text(value, low, high))  # Level and Window below name the unit
+        place.label(text=number_text(value, low, high, owner.rle_splat.value_unit))  # Level and Window name the unit
     _draw_selected(column, owner)
 
 

@@ -108,9 +108,9 @@ def _flip(group, on: bool) -> None:
     group.clip_keep = "OUTSIDE" if on else "INSIDE"
 
 
-def _show_table(group, on: bool) -> None:
+def _hide_table(group, on: bool) -> None:
     if len(group.labels) > BACKGROUND:
-        group.labels[BACKGROUND].show = on
+        group.labels[BACKGROUND].show = not on
 
 
 def _labels_chosen(group, context):
@@ -182,9 +182,9 @@ class VolumeProperties(Playback, SourceOptions, bpy.types.PropertyGroup):
         "RTSTRUCT. It is matched to the scan by its place in the patient",
         subtype="FILE_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"}, update=_labels_chosen)  # fmt: skip
     labels: CollectionProperty(type=LabelProperties, name="Segments", description="Appearance of each segment")
-    show_table: BoolProperty(
-        name="Show Table", description="Show the table or head holder, or hide it again", set=_show_table,
-        get=lambda group: len(group.labels) > BACKGROUND and group.labels[BACKGROUND].show)  # fmt: skip
+    hide_table: BoolProperty(
+        name="Hide Table", description="Hide the table or head holder of a CT; click again to show it", set=_hide_table,
+        get=lambda group: len(group.labels) > BACKGROUND and not group.labels[BACKGROUND].show)  # fmt: skip
     labels_of: StringProperty(
         name="Segments Of", description="Name of the segmentation file whose segments are listed", options={"HIDDEN"}
     )
@@ -263,7 +263,7 @@ class VolumeProperties(Playback, SourceOptions, bpy.types.PropertyGroup):
         description=SHIFT)  # fmt: skip
     shift_finely: FloatProperty(
         name="Shift", translation_context=OURS, step=1, precision=3, get=_shift_of, set=_shift,
-        description=SHIFT)  # fmt: skip
+        description=SHIFT + ". Scripts set shift_by")  # fmt: skip
     opacity_scale: LiveFloat(
         name="Opacity", description="Multiply the opacity of the whole volume", default=1.0, min=0.0, soft_max=1.0
     )
@@ -298,7 +298,7 @@ class VolumeProperties(Playback, SourceOptions, bpy.types.PropertyGroup):
     )
     display: EnumProperty(
         name="Mode", description="What each pixel shows of the volume behind it. Modes other than Volume Rendering "
-        "begin with grays and a window and level that suit them", items=DISPLAY_ITEMS, get=_mode_of,
+        "begin with grays and a window and level that suit them. Scripts set mode", items=DISPLAY_ITEMS, get=_mode_of,
         set=_choose_mode)  # fmt: skip
     shaded_window: FloatVectorProperty(
         name="Window of Volume Rendering", description="Level, window and level of the preset, for when the mode is "

@@ -152,11 +152,16 @@ def line_of(found: ProbeHit, with_name: bool = False) -> str:
 
 
 def value_text(value: float, low: float, high: float, unit: str = "") -> str:
-    """A value with as many decimals as the range of values from ``low`` to ``high`` needs, and its unit."""
-    span = abs(high - low)
-    text = f"{value:.{min(max(DIGITS - 1 - math.floor(math.log10(span)), 0), 9)}f}" if span > 0.0 else f"{value:g}"
-    text = text.removeprefix("-") if not text.strip("-0.") else text  # no minus before a zero
+    """A value and its unit; see ``number_text``."""
+    text = number_text(value, low, high, unit)
     return f"{text} {unit}" if unit else text
+
+
+def number_text(value: float, low: float, high: float, unit: str = "") -> str:
+    """A value with as many decimals as the range of values from ``low`` to ``high`` needs; whole numbers of HU."""
+    span = 10.0**DIGITS if unit == "HU" else abs(high - low)
+    text = f"{value:.{min(max(DIGITS - 1 - math.floor(math.log10(span)), 0), 9)}f}" if span > 0.0 else f"{value:g}"
+    return text.removeprefix("-") if not text.strip("-0.") else text  # no minus before a zero
 
 
 def position_text(position, volume, axes=(0, 1, 2)) -> str:

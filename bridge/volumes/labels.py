@@ -37,7 +37,7 @@ OWN = "OWN"
 SOLID = "SOLID"
 FUNCTION_ITEMS = [
     (OWN, "Same as Volume", "Use the volume's own transfer function"),
-    (SOLID, "Solid", "Give all voxels of the segment the same opacity, whatever their values"),
+    (SOLID, "Solid", "Give all voxels of the segment one opacity, whatever their values. One Color sets their color"),
 ] + [item for item in IMPORT_ITEMS if item[0] != SUGGESTED]
 READING, COUNTING = 0.8, 0.9  # shares of the time until a label file is read, and until its values are counted
 FIRST = 0.5  # share of the time until the first of several frames is read
@@ -58,8 +58,8 @@ class LabelProperties(bpy.types.PropertyGroup):
     label_name: StringProperty(name="Name", description="Name of the segment")
     show: BoolProperty(name="Show", description="Show the voxels of this segment", default=True, update=evaluate_anew)
     use_color: BoolProperty(
-        name="One Color", description="Show all of this segment in the color beside its name. If off, it has the "
-        "colors of its Transfer Function, with Solid those of the volume",
+        name="One Color", description="Show all of this segment in the color beside its name, with the opacities of "
+        "its Transfer Function. If off, it has the colors of its Transfer Function, with Solid those of the volume",
         default=False, update=evaluate_anew)  # fmt: skip
     color: FloatVectorProperty(
         name="Color", description="Color of the segment", subtype="COLOR", size=3, min=0.0, max=1.0,
@@ -72,8 +72,8 @@ class LabelProperties(bpy.types.PropertyGroup):
         name="Opacity", description="Multiply the opacity of this segment", default=1.0, min=0.0, max=1.0,
         subtype="FACTOR", update=evaluate_anew)  # fmt: skip
     shown_color: FloatVectorProperty(
-        name="Segment Color", description="Color of the segment. Choosing one replaces the transfer function Same as "
-        "Volume by Solid, which shows all voxels of the segment in this color with one opacity",
+        name="Segment Color", description="Color of the segment. Choosing one turns on One Color, and replaces the "
+        "transfer function Same as Volume by Solid, so that all voxels of the segment have this color and one opacity",
         subtype="COLOR", size=3, min=0.0, max=1.0, get=lambda row: tuple(row.color), set=_give_color)  # fmt: skip
 
     def plain(self) -> LabelStyle:

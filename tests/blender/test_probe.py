@@ -119,6 +119,7 @@ def test_without_a_volume_it_says_so(addon, refused):
 def test_values_have_the_decimals_that_their_range_needs(bridge):
     text = bridge("look.probe").value_text
     assert text(311.7, -1024.0, 3071.0, "HU") == "312 HU" and text(-0.2, -1024.0, 3071.0) == "0"
+    assert text(-55.2, -160.0, 240.0, "HU") == "-55 HU" and text(5.21, 2.0, 8.0, "SUVbw") == "5.210 SUVbw"
     assert text(0.12345, 0.0, 1.0) == "0.123" and text(17.26, 0.0, 255.0) == "17.3"
     assert text(4e-6, 0.0, 1e-5) == "0.00000400" and text(3.0, 3.0, 3.0) == "3"
 

@@ -87,10 +87,10 @@ def picture():
 
 
 def buttons_of_display() -> list[str]:
-    """Texts of the buttons that hide and show the table, in the panel Display."""
+    """Operators and properties of the buttons that hide and show the table, in the panel Display."""
     log, panel = [], bpy.types.RLE_SPLAT_PT_display
     panel.draw(layout_recorder.Drawn(panel, log), bpy.context)
-    return [value for kind, value in log if kind == "text" and "Table" in str(value)]
+    return [value for kind, value in log if kind in ("operator", "prop") and "table" in value]
 
 
 def test_remove_table_shows_the_body_alone(owner):
@@ -107,10 +107,10 @@ def test_remove_table_shows_the_body_alone(owner):
     table_row = 24 - round((0.5 * (N - 1) + 15.0) * 5.0 - 97.5) * 48 // 240  # y of the table in the picture
     assert before[table_row, 20:28, 3].min() > 0.5 and after[table_row, 20:28, 3].max() == 0.0
     np.testing.assert_allclose(after[26:32, 18:30], before[26:32, 18:30], atol=1e-3)
-    assert not owner.rle_splat.show_table and buttons_of_display() == ["Show Table"]
-    owner.rle_splat.show_table = True
-    assert rows_of(owner)[0] == (0, "Background", True) and owner.rle_splat.show_table
-    assert buttons_of_display() == ["Hide Table"]
+    assert owner.rle_splat.hide_table and buttons_of_display() == ["hide_table"]
+    owner.rle_splat.hide_table = False
+    assert rows_of(owner)[0] == (0, "Background", True) and not owner.rle_splat.hide_table
+    assert buttons_of_display() == ["hide_table"]
 
 
 def test_keep_connected_follows_what_is_shown_and_hides_the_rest(owner):
