@@ -24,6 +24,7 @@ INNER = {  # members that only the package itself uses
 WIDE = 88  # columns; a longer signature has a line for each parameter
 SECTION = re.compile(r"^(\w[\w ]*)\n-{3,}$", re.MULTILINE)
 DOCUMENTED = re.compile(rf"\b(?:{'|'.join(name for name in rle_splat.__all__ if name[0].isupper())})\b")
+REFERENCE = re.compile(r"docs/reference/(([\w-]+)\.md(?:#[\w-]+)?)")  # in a docstring
 ENTRY = re.compile(r"^(\S.*)\n?((?:^(?:[ ]{4}.*)?\n?)*)", re.MULTILINE)  # of a section: a name, and what it means
 
 
@@ -43,15 +44,18 @@ PAGE_OF = {name: f"{task.replace(' ', '-')}.md" for task, names in TASKS.items()
 
 
 def index() -> str:
-    """Every name of the package, with a link to the page of its task."""
-    rows = [
-        (
-            f"[{task[0].upper()}{task[1:]}](python/{PAGE_OF[names[0]]})",
-            ", ".join(f"[{name}](python/{PAGE_OF[name]}#{name.lower()})" for name in names),
-        )
-        for task, names in TASKS.items()
-    ]
-    return table(("task", "names"), rows)
+    """Every name of the package by task, with a link to its entry and the first paragraph of its docstring."""
+    parts = []
+    for task, names in TASKS.items():
+        rows = [
+            (
+                f"[{name}](python/{PAGE_OF[name]}#{name.lower()})",
+                _prose((inspect.getdoc(getattr(rle_splat, name)) or "").partition("\n\n")[0]),
+            )
+            for name in names
+        ]
+        parts += [f"## [{task[0].upper()}{task[1:]}](python/{PAGE_OF[names[0]]})", table(("name", "summary"), rows)]
+    return "\n\n".join(parts)
 
 
 def names_of(task: str) -> str:
@@ -141,7 +145,8 @@ def _members(cls) -> list[str]:
             continue
         if callable(function):
             called = signature(name, getattr(cls, name), math.inf)
-            entries["Methods"].append(_member(called, text, PAGE_OF[cls.__name__]))
+            of_class = "Class method. " * isinstance(member, classmethod)
+            entries["Methods"].append(_member(called, of_class + text, PAGE_OF[cls.__name__]))
         elif hasattr(member, "fget"):
             typed = f"{name}: {_annotation(inspect.signature(member.fget).return_annotation, cls)}"
             entries["Properties"].append(_member(typed, text, PAGE_OF[cls.__name__]))
@@ -191,6 +196,6 @@ def _link(name: str, page: str) -> str:
 
 
 def _prose(text: str) -> str:
-    """Paragraphs, each in one line, with code as Markdown has it."""
+    """Paragraphs, each in one line, with code and links to other pages of the reference as Markdown has them."""
     paragraphs = (" ".join(part.split()) for part in text.strip("\n").split("\n\n"))
-    return "\n\n".join(paragraphs).replace("``", "`").strip()
+    return REFERENCE.sub(r"[\2](../\1)", "\n\n".join(paragraphs).replace("``", "`").strip())

@@ -192,8 +192,8 @@ def python_examples(folder: Path) -> None:
         return
     run_page(ROOT / "README.md", folder / "readme", "readme-python")
     run_page(PYTHON_TUTORIAL, folder / "tutorial", "first-python-figure")
-    halves = {name: Image.open(folder / "tutorial" / name).reduce(2) for name in ("lit.png", "cut.png")}
-    beside(folder, "first-python", halves)
+    steps = {name: Image.open(folder / "tutorial" / name).reduce(2) for name in ("first.png", "lit.png", "cut.png")}
+    beside(folder, "first-python", steps)
 
 
 def from_parts(folder: Path) -> None:

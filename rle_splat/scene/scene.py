@@ -300,7 +300,7 @@ class Rendering:
         Planar distance along the camera's axis, in world units, at which the transmittance falls below one half;
         1e10 where it never does.
     report : dict
-        What was rendered and how; can be written as JSON.
+        What was rendered and how, as in docs/reference/json-formats.md#report; can be written as JSON.
     """
 
     rgba: np.ndarray

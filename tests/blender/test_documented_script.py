@@ -34,7 +34,7 @@ def test_the_documented_scripts_run(tmp_path, core, bridge, capsys):
     phantoms = import_module("tests.read.dicom_phantoms")
     phantoms.write_classic(tmp_path / "scan", phantoms.geometry("a", (1, 0, 0), (0, 1, 0), [2.0 * i for i in range(6)]))
     (tmp_path / "bone.json").write_text('{"opacity": [[0, 0.0], [500, 0.9]], "color": [[0, 1.0, 1.0, 1.0]]}')
-    first, every, further, of_array = scripts_of(
+    first, further, of_array, every = scripts_of(
         "script-blender.md", FLAIR=tmp_path / "scan", scan=tmp_path / "render.png", bone=tmp_path / "bone.json",
         segmentations=tmp_path / "masks", array=tmp_path / "array.nrrd", scans=tmp_path / "scans",
     )  # fmt: skip

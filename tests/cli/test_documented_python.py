@@ -31,7 +31,7 @@ def test_the_example_of_the_readme_runs(tmp_path, monkeypatch):
     names = {}
     exec(compile(python_of(ROOT / "README.md"), "README.md", "exec"), names)
     assert 0.02 < (names["rendering"].rgba[..., 3] > 0.5).mean() < 0.5 and "flair" in names["remark"]
-    assert min((tmp_path / name).stat().st_size for name in ("brain.png", "brain.svg")) > 10_000
+    assert min((tmp_path / name).stat().st_size for name in ("soft.png", "brain.svg")) > 10_000
 
 
 @pytest.mark.slow  # it compiles the kernels of all qualities under a sun
@@ -65,7 +65,9 @@ def test_the_script_for_many_scans_runs_twice_and_says_what_is_wrong(tmp_path):
         env = {**os.environ, "PYTHONPATH": str(ROOT)}
         done = subprocess.run(words, cwd=tmp_path, env=env, capture_output=True, text=True, check=False)
         first, second, third, fourth = done.stdout.splitlines()
-        assert (first, second, third) == (f"a.nrrd:{said}", f"b.nrrd:{said}", "mr.nrrd: is no CT in HU"), done.stderr
+        assert (first, second, third) == (f"a.nrrd:{said}", f"b.nrrd:{said}", "mr.nrrd: This scan is no CT in HU."), (
+            done.stderr
+        )
         assert "text.nrrd is not a NRRD file" in fourth
     assert sorted(path.name for path in (tmp_path / "pictures").iterdir()) == ["a.nrrd.png", "b.nrrd.png"]
     sheet = np.asarray(Image.open(tmp_path / "sheet.png"))

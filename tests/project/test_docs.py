@@ -315,5 +315,15 @@ def test_the_glossary_has_the_words_of_the_project():
     assert {" ".join(word.split()) for word in wanted.split(",")} <= set(terms)
 
 
-def test_the_index_of_the_python_reference_has_every_public_name():
-    assert re.findall(r"\[(\w+)\]\(python/[a-z-]+\.md#\w+\)", docs_python.index()) == rle_splat.__all__
+def test_class_methods_and_pages_are_marked_in_the_python_reference():
+    pictures = docs_python.names_of("pictures")
+    assert re.search(r"^- `preset\(.*\) -> Quality`: Class method\. ", pictures, re.MULTILINE)
+    assert re.search(r"^- `clear\(\) -> None`: Drop ", pictures, re.MULTILINE)
+    assert "(../json-formats.md#report)" in pictures
+
+
+def test_the_index_of_the_python_reference_has_every_public_name_with_a_sentence():
+    rows = re.findall(
+        r"^\| \[(\w+)\]\(python/[a-z-]+\.md#\w+\) \| [A-Z].{10,}[.] \|$", docs_python.index(), re.MULTILINE
+    )
+    assert rows == rle_splat.__all__
