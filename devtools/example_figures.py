@@ -153,7 +153,7 @@ def opening(folder: Path) -> None:
     frames += frames[-1:] * 8 + frames[::-1] + frames[:1] * 4
     # Every frame is a key frame: differences of frames leave blocks on smooth surfaces.
     frames[0].save(folder / "how-to-opening.webp", save_all=True, append_images=frames[1:], duration=MILLISECONDS,
-                   loop=0, quality=72, method=6, kmin=0, kmax=1)  # fmt: skip
+                   loop=0, quality=60, method=6, kmin=0, kmax=1)  # fmt: skip
 
 
 def run_page(page: Path, own: Path, name: str) -> None:
