@@ -101,10 +101,10 @@ def scenario():
     with in_the_view():
         assert bpy.ops.rle_splat.import_dicom_series(directory=str(folder), hide_table=True) == {"FINISHED"}
     volume = bpy.context.view_layer.objects.active
+    save("Skull.blend")
     look_from(80.0, 25.0, 0.6)
     yield from settled()
     yield from wait_for_rest()  # with the pictures of presets
-    save("Skull.blend")
     yield from step("tutorial-2-imported", began)
 
     began = time.perf_counter()
