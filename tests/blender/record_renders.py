@@ -161,7 +161,7 @@ def first_picture():
     scene.collection.objects.link(camera)
     scene.camera, camera.matrix_world = camera, view.view_matrix.inverted()
     with in_the_view():
-        assert bpy.ops.rle_splat.add_lights(kind="THREE") == {"FINISHED"}
+        assert bpy.ops.rle_splat.add_lights(kind="SOFT") == {"FINISHED"}
         assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
         assert bpy.ops.rle_splat.add_letters() == {"FINISHED"}
     scene.view_settings.view_transform, path = "Standard", Path(os.environ[SHOTS]) / "readme-first.png"
