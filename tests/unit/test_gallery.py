@@ -82,7 +82,7 @@ def test_what_is_clear_shows_a_backdrop_lit_from_the_middle():
     part.paste((200, 10, 10, 255), (0, 0, 8, 8))
     seen = np.asarray(gallery_pictures.on_backdrop(part), int)
     assert (seen[:8, :8] == (200, 10, 10)).all()
-    assert np.abs(seen[14, 20] - gallery_pictures.CENTER).max() <= 2 and seen[29, 39].sum() < seen[14, 20].sum() / 2
+    assert np.abs(seen[14, 20] - gallery_pictures.WALL[1]).max() <= 2 and seen[29, 39].sum() < seen[14, 20].sum() / 2
 
 
 def test_a_jpeg_keeps_to_its_number_of_bytes(tmp_path):
