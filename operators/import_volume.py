@@ -18,7 +18,7 @@ from ..bridge.volumes import box, encoded, labels, new_volume, segments, volumes
 from ..bridge.volumes.import_source import found_steps
 from ..rle_splat.read.formats import FORMATS, RAW, format_named, format_of, suffixes
 from ..rle_splat.read.guess import guess_raw, guess_raw_steps
-from ..rle_splat.read.header import MM_ASSUMED, frame_remark
+from ..rle_splat.read.header import CT_ASSUMED, MM_ASSUMED, frame_remark
 from ..rle_splat.read.sequence import sequence_of
 from ..rle_splat.read.tiff import is_page
 from ..rle_splat.runtime.memory import bytes_text
@@ -154,7 +154,7 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
         owners, corners, sentences, warnings, notes = [], [], [], list(self.guesses), []
         for found, options, transfer_function, reason, made in results:
             owner, remark = new_volume.add_volume(context, found, options, transfer_function, at_cursor=self.at_cursor)
-            harmless = {MM_ASSUMED}
+            harmless = {CT_ASSUMED, MM_ASSUMED}
             if found.frames > 1:
                 harmless.update(frame_remark(found.frame, found.frames, found.volume.frame_axis))
             for sentence in filter(None, (*found.remarks, remark)):

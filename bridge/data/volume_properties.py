@@ -263,7 +263,7 @@ class VolumeProperties(Playback, SourceOptions, bpy.types.PropertyGroup):
         description=SHIFT)  # fmt: skip
     shift_finely: FloatProperty(
         name="Shift", translation_context=OURS, step=1, precision=3, get=_shift_of, set=_shift,
-        description=SHIFT + ". Scripts set shift_by")  # fmt: skip
+        description=SHIFT)  # fmt: skip
     opacity_scale: LiveFloat(
         name="Opacity", description="Multiply the opacity of the whole volume", default=1.0, min=0.0, soft_max=1.0
     )
@@ -298,7 +298,7 @@ class VolumeProperties(Playback, SourceOptions, bpy.types.PropertyGroup):
     )
     display: EnumProperty(
         name="Mode", description="What each pixel shows of the volume behind it. Modes other than Volume Rendering "
-        "begin with grays and a window and level that suit them. Scripts set mode", items=DISPLAY_ITEMS, get=_mode_of,
+        "begin with grays and a window and level that suit them", items=DISPLAY_ITEMS, get=_mode_of,
         set=_choose_mode)  # fmt: skip
     shaded_window: FloatVectorProperty(
         name="Window of Volume Rendering", description="Level, window and level of the preset, for when the mode is "

@@ -59,7 +59,7 @@ class LabelProperties(bpy.types.PropertyGroup):
     show: BoolProperty(name="Show", description="Show the voxels of this segment", default=True, update=evaluate_anew)
     use_color: BoolProperty(
         name="One Color", description="Show all of this segment in the color beside its name, with the opacities of "
-        "its Transfer Function. If off, it has the colors of its Transfer Function, with Solid those of the volume",
+        "its Transfer Function. If off, values have the colors of its Transfer Function, or with Solid of the volume",
         default=False, update=evaluate_anew)  # fmt: skip
     color: FloatVectorProperty(
         name="Color", description="Color of the segment", subtype="COLOR", size=3, min=0.0, max=1.0,

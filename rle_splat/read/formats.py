@@ -22,6 +22,7 @@ from ..volume.volume import Volume
 from .dicom.reader import read_dicom_steps, reads_dicom_folder, recognizes_dicom
 from .dicom.refusals import no_images
 from .format import LEVEL, MEANING_OPTIONS, PLACE_OPTIONS, Format, head_of, refuse_pipe
+from .header import CT_ASSUMED
 from .kernel_type import narrow_steps
 from .layout import check_scale, unreadable
 from .masks import read_masks_steps, reads_mask_folder
@@ -194,8 +195,7 @@ def guess_unit(volume: Volume) -> Volume:
     """The volume as CT in HU, with a remark, if its values look like it and nothing else is known of them."""
     if volume.value_unit is not None or volume.modality not in (None, "CT") or not looks_like_hounsfield(volume):
         return volume
-    remark = "Taken as a CT in HU."
-    return replace(volume, value_unit="HU", modality="CT", remarks=(*volume.remarks, remark))
+    return replace(volume, value_unit="HU", modality="CT", remarks=(*volume.remarks, CT_ASSUMED))
 
 
 def read_volume(

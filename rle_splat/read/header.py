@@ -18,6 +18,7 @@ MILLIMETERS = {
     "um": 1e-3, "µm": 1e-3, "μm": 1e-3, "micron": 1e-3, "microns": 1e-3, "micrometer": 1e-3, "nm": 1e-6,
 }  # fmt: skip
 MM_ASSUMED = "The file states no unit of length; mm is assumed."  # a remark
+CT_ASSUMED = "Taken as a CT in HU."  # a remark
 
 
 def library(name: str, package: str, formats: str):
