@@ -4,8 +4,7 @@
 
 writes each part between its two marks in a page of docs/reference, and the version where it is read without Python.
 The pages are committed, so that they can be read without building the site; a test compares them with the code.  The
-command line comes from the parsers themselves.  Operators, panels and settings are read from their source, for without
-Blender they cannot be imported.
+command line comes from the parsers themselves, operators, panels and settings from their source (docs_declared.py).
 """
 
 from __future__ import annotations
@@ -14,8 +13,6 @@ import argparse
 import ast
 import re
 from collections import Counter
-from contextlib import suppress
-from dataclasses import dataclass, field
 from functools import cache, partial
 from importlib import import_module
 from pathlib import Path
@@ -27,7 +24,8 @@ from rle_splat.read.format import LEVEL, MEANING_OPTIONS, PLACE_OPTIONS
 from rle_splat.read.formats import FORMATS
 from rle_splat.runtime.cache_folder import RELEASE
 
-from . import docs_panels, docs_python
+from . import docs_python
+from .docs_declared import Declared, blender_classes, namespace_of, of_kind, properties_of, text_of, with_bases
 from .docs_markdown import sentence, table
 from .docs_panels import A_NAME, AN_ICON, rows_of
 from .licenses import bundled
@@ -44,8 +42,6 @@ IN_LINES = 2  # choices; of more, each has a line of its own
 LONG_TABLE = 20  # properties of a group; of more, there is a table for each panel
 LINE = "<br>"  # between choices that have lines of their own
 IMAGES = ROOT / "docs" / "images"
-DIALOG = "use_dialog"  # which scripts need not set
-UNSET = "If unset"  # in the description of a property that has another default than its type's
 BLENDERS = {  # what Blender declares, by the name in a panel
     "show_object_viewport_volume": ("Eye", "Show volumes live in this viewport."),
     "hide_viewport": ("Hide in Viewports", "Hide this object in viewports."),
@@ -135,151 +131,6 @@ def formats() -> str:
 # --- Blender ----------------------------------------------------------------------------------------------------------
 
 
-@dataclass
-class Declared:
-    """A class of the extension as its source declares it."""
-
-    name: str
-    module: ast.Module
-    file: str
-    bases: list[str]
-    doc: str
-    texts: dict[str, str] = field(default_factory=dict)  # its bl_... attributes
-    properties: dict[str, dict] = field(default_factory=dict)  # Python name -> kind, name, description, choices
-    methods: list[str] = field(default_factory=list)
-
-
-@cache
-def _namespace(path: Path) -> dict:
-    """What a module of the extension assigns and the functions it defines, as far as that works without Blender."""
-    names: dict = {"__name__": path.stem}
-    needs_blender = suppress(NameError, ImportError, AttributeError, KeyError)
-    for node in docs_panels.module(path).body:
-        if isinstance(node, ast.ImportFrom) and node.level:
-            for one in node.names:
-                with needs_blender:
-                    names[one.asname or one.name] = _imported(path, node, one.name)
-        elif isinstance(node, (ast.Assign, ast.FunctionDef, ast.ImportFrom, ast.Import)):
-            with needs_blender:
-                exec(compile(ast.Module([node], []), str(path), "exec"), names)
-    return names
-
-
-def _imported(path: Path, node: ast.ImportFrom, name: str):
-    """What ``from ..module import name`` of a file of ours gives: a value, or a module as a namespace."""
-    inner = docs_panels.file_of(path, ".".join(filter(None, (node.module, name))), node.level)
-    file = inner or docs_panels.file_of(path, node.module or "", node.level)
-    if file is None:
-        raise ImportError(name)
-    if file.is_relative_to(ROOT / "rle_splat"):
-        parts = file.relative_to(ROOT).with_suffix("").parts
-        module = import_module(".".join(part for part in parts if part != "__init__"))
-        return module if inner else getattr(module, name)
-    return SimpleNamespace(**_namespace(file)) if inner else _namespace(file)[name]
-
-
-def _value(node, names: dict):
-    """The value of an expression; None for one that needs Blender."""
-    try:
-        return eval(compile(ast.Expression(node), "", "eval"), names)
-    except (NameError, AttributeError, TypeError):
-        return None
-
-
-def _property(call: ast.Call, names: dict, *, is_set_by_scripts: bool) -> dict | None:
-    """One property from the call that declares it; None for a hidden one, unless scripts set it."""
-    given = {word.arg: _value(word.value, names) for word in call.keywords}
-    if "HIDDEN" in (given.get("options") or ()) and not (is_set_by_scripts and given.get("description")):
-        return None
-    items = given.get("items")
-    kind = ast.unparse(call.func).rpartition(".")[2].removesuffix("Property")
-    kind = kind.removeprefix("Live").removeprefix("Knob").lower()
-    if kind.endswith("vector"):
-        given["size"] = given.get("size", 3)  # Blender's own default
-        kind = f"{kind.removesuffix('vector')} ({given['size']})"
-    return {
-        "kind": kind, "name": given.get("name") or "", "description": given.get("description") or "",
-        "choices": [item[:3] for item in items] if isinstance(items, (list, tuple)) else [],
-        "default": _default(kind, given), "range": _range(given),
-    }  # fmt: skip
-
-
-def _default(kind: str, given: dict) -> str:
-    """What a property is until somebody sets it; "" for a computed or an empty one."""
-    if UNSET in given.get("description", ""):
-        return "unset"
-    plain = {"bool": False, "int": 0, "float": 0.0}.get(kind.partition(" ")[0])
-    if "size" in given:
-        plain = (plain,) * given["size"]
-    if kind == "enum" and isinstance(given.get("items"), (list, tuple)):
-        plain = given["items"][0][0]
-    value = given.get("default", plain)
-    if value in (None, "") or None in given or "get" in given:  # None: by ``**``, which gives getter and setter
-        return ""
-    is_vector = isinstance(value, (tuple, list))
-    text = ", ".join(f"{one:g}" if isinstance(one, float) else str(one) for one in (value if is_vector else [value]))
-    return f"`({text})`" if is_vector else f"`{text}`"
-
-
-def _range(given: dict) -> str:
-    """The limits of a number; in parentheses those of its slider, beyond which a number can be typed."""
-    low, high, soft = (given.get(name) for name in ("min", "max", "soft_max"))
-    if low is None and high is None:
-        return ""
-    ends = [f"from {low:g}" if high is None else f"{low:g}"] if low is not None else []
-    text = " to ".join(ends + ([f"{high:g}"] if high is not None else []))
-    return text + (f" (slider to {soft:g})" if soft is not None and soft != high else "")
-
-
-def _declared(node: ast.ClassDef, path: Path, names: dict) -> Declared:
-    file = f"{path.relative_to(ROOT).parts[0]}/{path.name}"
-    bases = [ast.unparse(base).rpartition(".")[2] for base in node.bases]
-    made = Declared(node.name, docs_panels.module(path), file, bases, ast.get_docstring(node) or "")
-    for item in node.body:
-        if isinstance(item, ast.Assign) and isinstance(item.targets[0], ast.Name):
-            made.texts[item.targets[0].id] = _value(item.value, names)
-        elif isinstance(item, ast.FunctionDef):
-            made.methods.append(item.name)
-        elif isinstance(item, ast.AnnAssign):
-            call = docs_panels.declaration(path, item.annotation)
-            by_scripts = file.startswith("operators/") and item.target.id != DIALOG
-            found = _property(call, names, is_set_by_scripts=by_scripts) if isinstance(call, ast.Call) else None
-            if found is not None:
-                made.properties[item.target.id] = found
-    return made
-
-
-@cache
-def blender_classes() -> dict[str, Declared]:
-    """Every class of bridge/, operators/ and panels/, by name."""
-    found = {}
-    for folder in ("bridge", "operators", "panels"):
-        for path in sorted((ROOT / folder).rglob("*.py")):
-            for node in docs_panels.module(path).body:
-                if isinstance(node, ast.ClassDef):
-                    found[node.name] = _declared(node, path, _namespace(path))
-    return found
-
-
-def _with_bases(one: Declared) -> list[Declared]:
-    """A class and those of ours that it inherits from, nearest first."""
-    classes = blender_classes()
-    return [one, *(further for base in one.bases if base in classes for further in _with_bases(classes[base]))]
-
-
-def _text(one: Declared, name: str) -> str:
-    return next((part.texts[name] for part in _with_bases(one) if part.texts.get(name)), "")
-
-
-def _properties(one: Declared) -> dict[str, dict]:
-    return {name: entry for part in reversed(_with_bases(one)) for name, entry in part.properties.items()}
-
-
-def _of_kind(prefix: str) -> list[Declared]:
-    """The classes that Blender registers under names that begin so, in their own order."""
-    return [one for name, one in blender_classes().items() if name.startswith(prefix)]
-
-
 def _meaning(entry: dict, script: bool = False, explained: bool = False) -> str:
     """A property's tooltip, and its choices as a panel draws them, for scripts after their identifiers.
 
@@ -318,10 +169,10 @@ def _options_of_file(properties: dict[str, dict]) -> dict[str, dict]:
 def operators() -> str:
     """Every operator with its tooltip and its properties."""
     parts = []
-    for one in sorted(_of_kind("RLE_SPLAT_OT_"), key=lambda one: _text(one, "bl_label")):
-        tooltip = _text(one, "bl_description") or one.doc
-        parts += [f"## {_text(one, 'bl_label')}", f"`bpy.ops.{_text(one, 'bl_idname')}()`. {sentence(tooltip)}"]
-        properties, inherited = _properties(one), {part.name for part in _with_bases(one)}
+    for one in sorted(of_kind("RLE_SPLAT_OT_"), key=lambda one: text_of(one, "bl_label")):
+        tooltip = text_of(one, "bl_description") or one.doc
+        parts += [f"## {text_of(one, 'bl_label')}", f"`bpy.ops.{text_of(one, 'bl_idname')}()`. {sentence(tooltip)}"]
+        properties, inherited = properties_of(one), {part.name for part in with_bases(one)}
         for base in FILES.keys() & set(one.bases):
             path = {"name": "File Path", "kind": "string",
                     "description": OF_VOLUME if "ReadsFiles" in inherited else FILES[base]}  # fmt: skip
@@ -339,14 +190,15 @@ def operators() -> str:
 def panels() -> str:
     """Every panel: its picture, where it is, and what it draws, from the top; choices are explained once."""
     in_order = _in_tab()
-    parts = [" · ".join(_link(_text(ours[0], "bl_label")) for _, ours in in_order)]
+    parts = [" · ".join(_link(text_of(ours[0], "bl_label")) for _, ours in in_order)]
     explained: dict[str, str] = {}  # a setting with its choices -> the panel that had it first
     for file, ours in in_order:
-        title = _text(ours[0], "bl_label")
+        title = text_of(ours[0], "bl_label")
         known = BLENDERS | _effects()
         known |= {name: (entry["name"], _meaning(entry)) for name, entry in _settings_of(file).items()}
-        known |= {_text(one, "bl_idname"): (_text(one, "bl_label"), sentence(_text(one, "bl_description") or one.doc))
-                  for one in _of_kind("RLE_SPLAT_OT_")}  # fmt: skip
+        for one in of_kind("RLE_SPLAT_OT_"):
+            tooltip = sentence(text_of(one, "bl_description") or one.doc)
+            known[text_of(one, "bl_idname")] = text_of(one, "bl_label"), tooltip
         rows: dict[str, str] = {}
         for kind, name, drawn, menu in rows_of(ROOT / file, ours[0].name):
             tooltips = _tooltips(name, drawn) if kind == "operator" else None
@@ -367,8 +219,8 @@ def panels() -> str:
 
 def _tooltips(idname: str, labels: list[str]) -> dict[str, str] | None:
     """The tooltip of each of an operator's buttons, if it describes its choices, as *Add Box* that of Box."""
-    one = next((one for one in _of_kind("RLE_SPLAT_OT_") if _text(one, "bl_idname") == idname), None)
-    entries = _properties(one).values() if one is not None and "description" in one.methods else ()
+    one = next((one for one in of_kind("RLE_SPLAT_OT_") if text_of(one, "bl_idname") == idname), None)
+    entries = properties_of(one).values() if one is not None and "description" in one.methods else ()
     texts = {label: text for entry in entries for _, label, text in entry["choices"] if text}
     found = {label: texts.get(label.removeprefix("Add ")) for label in labels}
     return found if len(found) > 1 and all(found.values()) else None
@@ -396,14 +248,14 @@ def _drawn(name: str, labels: list[str], menu: str) -> str:
 def _in_tab() -> list[tuple[str, list[Declared]]]:
     """The files of panels with their panels, in the order of the tab."""
     files: dict[str, list[Declared]] = {}
-    for one in _of_kind("RLE_SPLAT_PT_"):
+    for one in of_kind("RLE_SPLAT_PT_"):
         files.setdefault(one.file, []).append(one)
     return sorted(files.items(), key=lambda entry: _place_in_tab(entry[1][0]))
 
 
 def _place_in_tab(one: Declared) -> tuple:
     """Panels in the order of the tab; those inside others after these, first those that show on their own."""
-    parent, own = _text(one, "bl_parent_id"), (_text(one, "bl_order") or 0, one.file)
+    parent, own = text_of(one, "bl_parent_id"), (text_of(one, "bl_order") or 0, one.file)
     return (*_place_in_tab(blender_classes()[parent]), own) if parent else (own,)
 
 
@@ -412,14 +264,14 @@ def _settings_of(file: str) -> dict[str, dict]:
     row = file.rpartition("/")[2].removesuffix("s.py").capitalize()
     groups = sorted((group for group in GROUPS if "_" not in group), key=lambda group: group.startswith(row))
     return {
-        name: entry for group in groups for name, entry in _properties(blender_classes()[group]).items()
+        name: entry for group in groups for name, entry in properties_of(blender_classes()[group]).items()
         if entry["name"]
     }  # fmt: skip
 
 
 def _effects() -> dict[str, tuple[str, str]]:
     """Label -> label and tooltip of the effects, which panels draw beside their labels."""
-    of = SimpleNamespace(**_namespace(ROOT / "bridge" / "data" / "effects.py"))
+    of = SimpleNamespace(**namespace_of(ROOT / "bridge" / "data" / "effects.py"))
     return {
         of.title(name): (of.title(name), _meaning({"description": text, "choices": of.items_of(name)}))
         for name, text in of.TEXTS.items()
@@ -428,16 +280,16 @@ def _effects() -> dict[str, tuple[str, str]]:
 
 def _where(one: Declared) -> str:
     """Where a panel is, by the labels that lead to it."""
-    parent = {other.name: other for other in _of_kind("RLE_SPLAT_PT_")}.get(_text(one, "bl_parent_id"))
-    place = PLACES[_text(one, "bl_space_type"), _text(one, "bl_category") or _text(one, "bl_context")]
-    return f"{_where(parent) if parent else place} > {_text(one, 'bl_label')}"
+    parent = {other.name: other for other in of_kind("RLE_SPLAT_PT_")}.get(text_of(one, "bl_parent_id"))
+    place = PLACES[text_of(one, "bl_space_type"), text_of(one, "bl_category") or text_of(one, "bl_context")]
+    return f"{_where(parent) if parent else place} > {text_of(one, 'bl_label')}"
 
 
 def settings() -> str:
     """What a .blend and the preferences hold, by the names that scripts use."""
     parts = []
     for group, path in GROUPS.items():
-        properties = _properties(blender_classes()[group])
+        properties = properties_of(blender_classes()[group])
         parts.append(f"## `{path}`")
         parts += _by_panel(properties) if len(properties) > LONG_TABLE else [_property_table(properties)]
     return "\n\n".join(parts)
@@ -449,8 +301,8 @@ def _by_panel(properties: dict[str, dict]) -> list[str]:
     for file, ours in _in_tab():
         for kind, name, _, _ in rows_of(ROOT / file, ours[0].name):
             if kind == "property":
-                titles.setdefault(name, []).append(_text(ours[0], "bl_label"))
-    grouped: dict[str, dict] = {_text(ours[0], "bl_label"): {} for _, ours in _in_tab()}
+                titles.setdefault(name, []).append(text_of(ours[0], "bl_label"))
+    grouped: dict[str, dict] = {text_of(ours[0], "bl_label"): {} for _, ours in _in_tab()}
     for name in filter(properties.__contains__, titles):
         # A property of several panels is of the one in its name, as slice_center of Slices, or of the first.
         of_name = (title for title in titles[name] if name.startswith(title.lower().removesuffix("s")))
