@@ -40,7 +40,7 @@ from .volume_properties import VolumeProperties
 QUALITY_TEXTS = {
     "draft": ("Draft", "Fast and coarse, as the drafts that viewports show while anything changes"),
     "standard": ("Standard", "A balance of time and accuracy"),
-    "fine": ("Fine", "More accurate, for final pictures; 2 to 4 times the time of Standard"),
+    "fine": ("Fine", "More accurate, for final pictures; up to about three times the time of Standard"),
     "strict": (
         "Very Fine",
         "The most accurate; 3 to 10 times the time of Standard. With shadows or ambient occlusion, the first picture "
