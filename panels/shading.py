@@ -28,11 +28,12 @@ class RLE_SPLAT_PT_shading(OfVolume, bpy.types.Panel):
         if is_encoded:
             paragraph(context, layout, encoded.STORED_VALUES, icon="INFO")
         else:
-            _draw_source(context, layout, properties)
+            layout.operator_menu_enum("rle_splat.add_lights", "kind", icon="LIGHT")
         _draw_scene(context, layout)
         if is_encoded:
             return
         layout.label(text="This Volume")
+        _draw_source(context, layout, properties)
         layout.prop(properties, "use_shading")
         column = layout.column()
         column.enabled = properties.use_shading and not is_pre_classified(settings)
@@ -46,7 +47,6 @@ class RLE_SPLAT_PT_shading(OfVolume, bpy.types.Panel):
 
 def _draw_source(context, layout, properties) -> None:
     """Which lights shine on the volume, and what of the scene's lights and world is left out."""
-    layout.operator_menu_enum("rle_splat.add_lights", "kind", icon="LIGHT")
     layout.prop(properties, "lighting")
     unused = first_light.unused_lights(context.scene, properties.lighting)
     if unused:
