@@ -44,11 +44,10 @@ NAMES = (
 )
 IN_LEFT, HEART, VIOLET = (83, 52, 60), "Heart", (0.34, 0.07, 0.37)  # voxel of a click, name, color
 ABOVE = ((-100.0, -100.0, 104.25), (100.0, 100.0, 140.0))  # corners of a box, in mm from the middle: dense veins
-SHADED = 0.9  # the part of the slice that is lit
 
 
 def _lay_slice(stage: Stage):
-    """An axial slice as the ground, with a window of its own, that takes shadows."""
+    """An axial slice as the ground, with a window of its own."""
     bpy.context.view_layer.objects.active = stage.volume
     bpy.ops.rle_splat.add_slice(kind="AXIAL")
     made = bpy.context.view_layer.objects.active
@@ -57,20 +56,7 @@ def _lay_slice(stage: Stage):
     ours = stage.volume.rle_splat
     ours.slices_follow_window = False
     ours.slice_center, ours.slice_width = 60.0, 400.0
-    _let_shade(made)
     return made
-
-
-def _let_shade(one) -> None:
-    """Mix the emission of a slice's material with a diffuse surface of the same picture, which takes shadows."""
-    tree = one.material_slots[0].material.node_tree
-    of = {node.bl_idname: node for node in tree.nodes}
-    diffuse, mix = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("BsdfDiffuse", "MixShader"))
-    mix.inputs["Fac"].default_value = SHADED
-    tree.links.new(of["ShaderNodeTexImage"].outputs["Color"], diffuse.inputs["Color"])
-    tree.links.new(of["ShaderNodeEmission"].outputs[0], mix.inputs[1])
-    tree.links.new(diffuse.outputs[0], mix.inputs[2])
-    tree.links.new(mix.outputs[0], of["ShaderNodeMixShader"].inputs[2])
 
 
 def _change(ours, name: str, tool: str, length: float = 0.0) -> None:
@@ -174,7 +160,6 @@ def nuclei(stage: Stage):
     ours.active_label = next(n for n, row in enumerate(ours.labels) if row.label == BUMPY)
     bpy.ops.rle_splat.change_segment(tool="SMOOTH", length=1.5)
     bpy.ops.rle_splat.add_slice(kind="AXIAL")
-    _let_shade(bpy.context.view_layer.objects.active)
     bpy.context.view_layer.objects.active = stage.volume
     ours.slices_follow_window = False
     ours.slice_center, ours.slice_width = 14000.0, 26000.0
