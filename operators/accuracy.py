@@ -61,7 +61,7 @@ class RLE_SPLAT_OT_measure_accuracy(_Measurement, bpy.types.Operator):
         accuracy.note_sweep(self._scene.get().rle_splat, report, f"{self._volume.name} seen by {self._camera_name}")
         chosen = sweep.plan(report["chosen"])
         rmse = figure_text(chosen["error"]["rmse"])
-        said = f"{chosen['name']}: {chosen['frame_ms']:.0f} ms, RMSE {rmse}/255."
+        said = f"{chosen['name']}: {chosen['frame_ms']:.0f} ms, RMSE {rmse} in 8-bit steps."
         self.report({"INFO"}, f"{len(report['plans'])} settings measured. {said}")
 
 

@@ -13,7 +13,7 @@ from .refusal import has_volume, refuses
 
 class RLE_SPLAT_OT_cut_along_view(bpy.types.Operator):
     """Cut away what is in front of a plane that faces the view. Moves the active cutting plane there, or adds one.
-    In background mode, the view is the camera's"""
+    Without a window, the view is the camera's"""
 
     bl_idname = "rle_splat.cut_along_view"
     bl_label = "Cut Along View"

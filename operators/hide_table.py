@@ -2,16 +2,15 @@
 
 import bpy
 
+from ..bridge.data.volume_properties import HIDE_TABLE
 from ..rle_splat.segment.body import body_steps
 from .segmenting import MakesSegments
 
 
 class RLE_SPLAT_OT_hide_table(MakesSegments, bpy.types.Operator):
-    """Hide the table, the head holder and blankets of a CT. Arms and hands that are separate from the trunk can be
-    hidden with them. Hide Table in the panel Display, clicked again, or the eye of Background shows all of it"""
-
     bl_idname = "rle_splat.hide_table"
     bl_label = "Hide Table"
+    bl_description = HIDE_TABLE
 
     hide = "BACKGROUND"
 

@@ -10,6 +10,7 @@ from bpy_extras.io_utils import ImportHelper, poll_file_object_drop
 
 from ..bridge.data import preferences, source_options
 from ..bridge.data.automatic import draw_number
+from ..bridge.data.volume_properties import BESIDE_TOO
 from ..bridge.live import shown
 from ..bridge.look.preset_items import IMPORT_ITEMS, chosen_transfer_steps
 from ..bridge.scene import first_light, viewports
@@ -108,17 +109,16 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
         name="Frame and Open Sidebar", description="Move the view so that all of the volume is seen, and open the "
         "tab RLE Splat in the sidebar. Camera views are not changed", default=True)  # fmt: skip
     use_headlight: BoolProperty(
-        name="Add Headlight if Dark", description="Light the first volume of a scene with a headlight if the "
-        "scene's lights leave a side of it dark. Light Source in Lighting changes it",
+        name="Use Headlight if Dark", description="Set Light Source in Lighting to Headlight for the first volume of a "
+        "scene, if the scene's lights leave a side of it dark",
         default=False, options={"SKIP_SAVE"})  # fmt: skip
     use_segments: BoolProperty(
         name="Load Segments", description="Show the segmentation that lies beside the scan, colored by anatomy: a "
         "DICOM SEG or RTSTRUCT in its folder or the one above, or a label map or a folder of masks whose name has the "
         "word seg, label or segmentation", default=False, options={"SKIP_SAVE"})  # fmt: skip
     hide_table: BoolProperty(
-        name="Hide Table", description="In a CT, find the body and hide the table or the head holder if the transfer "
-        "function shows it. Hide Table in the panel Display, clicked again, shows it", default=False,
-        options={"SKIP_SAVE"})  # fmt: skip
+        name="Hide Table", description="Hide the table or head holder of a CT if the transfer function shows it. "
+        f"{BESIDE_TOO}", default=False, options={"SKIP_SAVE"})  # fmt: skip
 
     @classmethod
     def poll(cls, context):

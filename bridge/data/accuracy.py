@@ -134,7 +134,7 @@ def keep_error_map(scene, volume_object, errors, report: dict):
     found, settings.error_image = report["error"], image
     every = "every pixel" if found["step"] == 1 else f"one pixel in each {found['step']} x {found['step']}"
     settings.error_note = (
-        f"{truth_sentence(found['truth'])}: largest {figure_text(found['measured'])}/255, RMSE "
-        f"{figure_text(found['rmse'])}/255 at {every}. White in the image is an error of 1/255 or more."
+        f"{truth_sentence(found['truth'])}, in 8-bit steps: largest {figure_text(found['measured'])}, RMSE "
+        f"{figure_text(found['rmse'])} at {every}. White in the image is an error of 1 or more."
     )
     return image

@@ -33,7 +33,7 @@ class Playback:
         name="Frame of the Hash", description="Frame whose voxels have the data hash", default=1, min=1,
         options={"HIDDEN"})  # fmt: skip
     playback: LiveEnum(name="Playback", description="Which time point of the series is shown", items=PLAYBACK_ITEMS)
-    frame: LiveInt(name="Time Point", description="Time point to show: 1 is the first, as is 0", default=0, min=0)
+    frame: LiveInt(name="Time Point", description="Time point to show; 0 and 1 both show the first", default=0, min=0)
     frame_offset: LiveInt(
         name="Offset", description=("Number added to the frame of the timeline. With 0 and a step"
             " of 1, frame 1 shows the first time point"), default=0)  # fmt: skip

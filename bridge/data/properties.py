@@ -89,7 +89,8 @@ PLAIN_TEXTS = {
     "warp_filter": "How the finished layers become the pixels of the picture",
     "axis_fade": "Degrees over which two stacks of slices are blended as the camera turns, so that the picture does "
     "not jump; only in orthographic views",
-    "termination": "Stop where less than this share of the light behind would be seen (early ray termination)",
+    "termination": "Stop adding layers to a pixel once less than this share of the light behind them still passes: "
+    "0.001 is a thousandth (early ray termination)",
     "rays": "Compute pixels that differ from a neighbor by at least this much exactly, by ray casting; slower. 1 is "
     "from black to white, 0 is off. Needs Interpolate: Values",
     "model": "What is added up where voxels overlap. With Interpolate: Values it is always Extinction",
@@ -184,8 +185,8 @@ class SceneSettings(bpy.types.PropertyGroup):
         name="Stop Below", description=PLAIN_TEXTS["termination"], default=USUAL.termination, min=0.0, max=0.499,
         precision=5)  # fmt: skip
     axis_fade: LiveFloat(
-        name="Blend Angle", description=PLAIN_TEXTS["axis_fade"], default=USUAL.axis_fade, min=0.0, max=tables.MOST_FADE
-    )
+        name="Blend Angle (°)", description=PLAIN_TEXTS["axis_fade"], default=USUAL.axis_fade, min=0.0,
+        max=tables.MOST_FADE)  # fmt: skip
     rays: LiveFloat(
         name="Exact Pixels", description=PLAIN_TEXTS["rays"], default=USUAL.rays, min=0.0, soft_max=1.0, precision=3
     )

@@ -51,6 +51,11 @@ SHIFT = (
     "Slide colors and opacity along the values, in their unit: a negative shift shows less dense material, too. Level "
     "moves with them"
 )
+BESIDE_TOO = (
+    "What lies apart from the body, such as arms and blankets, is hidden with it. To show it again, click Hide Table "
+    "in Display again, or the eye of Background in Segments"
+)
+HIDE_TABLE = f"Hide the table or head holder of a CT. {BESIDE_TOO}"
 LIGHTING_ITEMS = [
     ("SCENE", "Scene Lights", "Use the lights of the scene, or a headlight if there are none"),
     ("HEADLIGHT", "Headlight", "Use one white parallel light that shines along the camera's axis"),
@@ -183,7 +188,7 @@ class VolumeProperties(Playback, SourceOptions, bpy.types.PropertyGroup):
         subtype="FILE_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"}, update=_labels_chosen)  # fmt: skip
     labels: CollectionProperty(type=LabelProperties, name="Segments", description="Appearance of each segment")
     hide_table: BoolProperty(
-        name="Hide Table", description="Hide the table or head holder of a CT; click again to show it", set=_hide_table,
+        name="Hide Table", description=HIDE_TABLE, set=_hide_table,
         get=lambda group: len(group.labels) > BACKGROUND and not group.labels[BACKGROUND].show)  # fmt: skip
     labels_of: StringProperty(
         name="Segments Of", description="Name of the segmentation file whose segments are listed", options={"HIDDEN"}
@@ -230,7 +235,8 @@ class VolumeProperties(Playback, SourceOptions, bpy.types.PropertyGroup):
         precision=1, step=100, options=set(), get=_slice_position, set=_move_slice)  # fmt: skip
     slices_follow_window: BoolProperty(
         name="Volume's Window", default=True, update=_unlink_slices,
-        description="Let slices use the window and level of the volume's colors instead of their own")  # fmt: skip
+        description="Let slices use the window and level of the volume's colors instead of their own. The first slice "
+        "turns this off, unless it was set before")  # fmt: skip
     slice_center: LiveFloat(
         name="Slice Level", description="Value that slices and gray values on cuts show as middle gray", default=0.5,
         precision=2, translation_context=OURS)  # fmt: skip
@@ -269,7 +275,7 @@ class VolumeProperties(Playback, SourceOptions, bpy.types.PropertyGroup):
     )
     opacity_unit_distance: LiveFloat(
         name="Opacity Unit Distance", description="Thickness of material, in mm for patients, that has the "
-        "opacity shown by the curve. Smaller is more solid: about 0.05 mm makes thin bone opaque",
+        "opacity shown by the curve. Smaller is more opaque: about 0.05 mm makes thin bone opaque",
         default=0.0, min=0.0, precision=4)  # fmt: skip
     use_smallest_spacing: BoolProperty(
         name="Automatic", description="Use the smallest voxel spacing",

@@ -28,11 +28,19 @@ SUFFIXES = {
 SHORTEST_MS = 0.5  # of a stage that the Last Report panel lists; the JSON has all
 STAGES = {
     **effects.PANEL_NAMES,
+    "classify": "Colors and opacities",
+    "clipping": "Clip distances",
+    "encode": "List of visible voxels",
+    "gradients": "Gradient opacity",
     "kernels": "Loading of code",
     "mixing": "Segments and channels",
+    "occlusion": "Meshes that hide the volume",
+    "plan": "Choice of settings",
     "rays": "Exact pixels",
     "setup": "Preparation",
     "shade": "Shading",  # as the effect, whose time it is
+    "splat": "Voxels to layers",
+    "warp": "Layers to picture",
 }
 NUMBERS = ("depth", "error", "shadow")  # kinds that hold numbers instead of colors
 

@@ -160,10 +160,10 @@ def share_above(failed: int, count: int) -> float:
 
 
 def statement(failed: int, count: int, tolerance: float) -> str:
-    """A sentence about all pixels, from ``failed`` of ``count`` random probes; ``tolerance`` in levels."""
+    """A sentence about all pixels, from ``failed`` of ``count`` random probes; ``tolerance`` in 8-bit steps."""
     how_many = f"{failed} of {count}" if failed else f"None of {count}"
     return (
         f"{how_many} random sample pixels {'differ' if failed > 1 else 'differs'} from the reference by more than "
-        f"{tolerance:g}/255: at 95% confidence at most "
+        f"{tolerance:g} in 8-bit steps: at 95% confidence at most "
         f"{share_above(failed, count):.2%} of the pixels do."
     )

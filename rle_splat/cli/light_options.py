@@ -20,7 +20,8 @@ def add_light_effect_options(parser, with_pass: bool = True) -> None:
     group = parser.add_argument_group("shadows and ambient light")
     group.add_argument(
         "--light-recipe", choices=RECIPES, metavar="NAME",
-        help=f"lights for a kind of scan: {', '.join(RECIPES)}; with shadows and ambient occlusion, by the camera",
+        help=f"lights for a kind of scan: {', '.join(RECIPES)}; they are placed for the camera's view, with shadows "
+        "and, except for smoke, ambient occlusion",
     )  # fmt: skip
     group.add_argument(
         "--shadows",

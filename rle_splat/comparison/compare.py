@@ -128,7 +128,7 @@ def table_lines(report: dict) -> list[str]:
             f"{entry['judged']:>6}{error['alpha_rmse']:8.2f}"
         )
     lines.append(
-        f"x: against {report['measured_against']}. Errors in levels (1/255) against T1 at {report['truth']['probes']} "
+        f"x: against {report['measured_against']}. Errors in 8-bit steps against T1 at {report['truth']['probes']} "
         f"random pixels. Frame: the best of {report['repeats']}, compiled and warm."
     )
     return lines

@@ -48,7 +48,7 @@ def choose_plan(source: Source, cache: StageCache) -> Source:
         why = FIRST_FRAMES if quality.held else BY_PRE if quality.is_preset else AS_GIVEN
         return replace(source, plan={"why": why, "aim": None, "expected": None})
     aim, name = PRESET_AIMS[quality.name], {"strict": "Very fine (strict)"}.get(quality.name, quality.name.capitalize())
-    said = f"{name} aims at an error of at most {aim:g} of 255 steps in 99.9% of pixels"
+    said = f"{name} aims at an error, in 8-bit steps, of at most {aim:g} in 99.9% of pixels"
     own = tuple(getattr(quality, knob) for knob in PRESET_KNOBS)
     is_known = any(one.knobs == own for one in preset_plans())
     why_not = _explain_no_choice(source.scene) if is_known else "its settings are the same for all scenes"
@@ -93,9 +93,9 @@ def choose(own: tuple, aim: float, rough: float, traces: bool) -> tuple[PresetPl
     own : tuple
         The preset's values of PRESET_KNOBS: its usual plan, which is taken if it is expected to keep the error.
     aim : float
-        The error that the preset aims at, in levels.
+        The error that the preset aims at, in 8-bit steps.
     rough : float
-        The roughness of the scene, in levels.
+        The roughness of the scene, in 8-bit steps.
     traces : bool
         Whether the scene has single rays.
 

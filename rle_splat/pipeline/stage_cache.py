@@ -42,7 +42,7 @@ class StageCache:
     Attributes
     ----------
     made : dict
-        Name of a stage -> how often it ran.
+        How often each stage was computed instead of reused, by its name, such as ``{"shadows": 2}``.
     """
 
     def __init__(self, most_bytes: int | None = None):

@@ -39,7 +39,8 @@ class Camera:
     sensor_fit : {"AUTO", "HORIZONTAL", "VERTICAL"}
         The side of the picture that the sensor, or ``ortho_scale``, spans; "AUTO" is the longer one.
     ortho_scale : float, optional
-        Size of the view of an orthographic camera along the fitted sensor side, in world units; it needs one.
+        Size of an orthographic camera's view along the fitted sensor side, in world units. Required if ``type`` is
+        "ORTHO".
     shift_x, shift_y : float
         Lens shift, as a fraction of the larger image side.
     clip_start, clip_end : float

@@ -179,9 +179,9 @@ def midpoints_of(depth_rule: str) -> int | None:
 class Quality:
     """Settings that trade time for accuracy. Most programs need ``Quality.preset`` alone.
 
-    The command line has options of the same names. ``depth_rule``, ``sheet_density``, ``warp_filter``, ``termination``,
-    ``rays`` and ``exact_light`` that are None take their value from the preset ``name``, or, where there is none of
-    this name, from "standard".
+    The command line has options of the same names; names of Blender's panel are in italics. ``depth_rule``,
+    ``sheet_density``, ``warp_filter``, ``termination``, ``rays`` and ``exact_light`` that are None take their value
+    from the preset ``name``, or, where there is none of this name, from "standard".
 
     Single rays are limited to the 64 steepest pixels of each 16 x 16 pixels of the frame, so that a noisy picture,
     which is steep everywhere, does not trace a ray for every pixel. Frames of fewer than 512 x 512 pixels have a
@@ -190,43 +190,45 @@ class Quality:
     Parameters
     ----------
     classification : {"post", "pre"}
-        "post" (post-classified) interpolates values and classifies in every sheet pixel, as a ray caster does; kernel,
-        minification, model, record and length_correction then have their defaults. "pre" (pre-classified) classifies
-        voxels and interpolates the result, as the paper does. "post" shows the box spanned by the voxel centers; "pre"
-        extends beyond it by the footprints of the outer voxels.
+        *Interpolate*. "post" (post-classified, *Values*) interpolates values and classifies in every sheet pixel, as a
+        ray caster does; kernel, minification, model, record and length_correction then have their defaults. "pre"
+        (pre-classified, *Colors*) classifies voxels and interpolates the result, as the paper does. "post" shows the
+        box spanned by the voxel centers; "pre" extends beyond it by the footprints of the outer voxels.
     depth_rule : str or None
-        How opacity and color are integrated between slices: "slice", "slice-2" (every second slice), "simpson",
-        "gauss2", "midpoint-M" with M from 1 to 64, or, with "post", "preintegrated" or "preintegrated-M" with M to 8.
+        *Layers*. How opacity and color are integrated between slices: "slice", "slice-2" (every second slice),
+        "simpson", "gauss2", "midpoint-M" with M from 1 to 64, or, with "post", "preintegrated" or "preintegrated-M"
+        with M to 8.
     sheet_density : float or None
-        Sheet pixels per image pixel; 0 for one sheet pixel per voxel, as in the paper.
+        *Pixel Density*. Sheet pixels per image pixel; 0 for one sheet pixel per voxel, as in the paper.
     kernel : str
-        Reconstruction kernel of a voxel's footprint: "tent" (linear), "nearest", "bspline2", "bspline3" or "gaussian".
+        *Voxel Shape*. Reconstruction kernel of a voxel's footprint: "tent" (linear), "nearest", "bspline2", "bspline3"
+        or "gaussian".
     minification : {"off", "widen"}
-        "widen" enlarges the footprints where several voxels share a sheet pixel, against shimmer. "off" shows
-        exactly what lies on each pixel's ray.
+        *Small Voxels*. "widen" enlarges the footprints where several voxels share a sheet pixel, against shimmer. "off"
+        shows exactly what lies on each pixel's ray.
     warp_filter : str or None
-        Filter that resamples the intermediate image: "bilinear", "keys" or "cubic".
+        *Pixel Filter*. Filter that resamples the intermediate image: "bilinear", "keys" or "cubic".
     termination : float or None
-        Transmittance below which a pixel counts as opaque; 0 to 0.5.
+        *Stop Below*. Transmittance below which a pixel counts as opaque; 0 to 0.5.
     axis_fade : float
-        Range in degrees, 0 to 15, around a change of the principal axis of parallel rays. Inside it, pictures along
-        both axes are rendered and blended, so that nothing pops as the camera turns.
+        *Blend Angle (°)*. Range in degrees, 0 to 15, around a change of the principal axis of parallel rays. Inside it,
+        pictures along both axes are rendered and blended, so that nothing pops as the camera turns.
     rays : float or None
-        A pixel gets a single ray of its own, without sheets and warp, where a channel of the premultiplied
-        scene-linear picture differs by at least this much among its 3 x 3 neighbors; 0 for none. Of each
+        *Exact Pixels*. A pixel gets a single ray of its own, without sheets and warp, where a channel of the
+        premultiplied scene-linear picture differs by at least this much among its 3 x 3 neighbors; 0 for none. Of each
         16 x 16 pixels, at most 64 get one; up to 0.02, all in which something is seen. Only "post", and neither in mist
         nor with opacity by gradient.
     model : {"extinction", "opacity"}
-        What overlapping footprints add up.
+        *Overlap*. What overlapping footprints add up.
     length_correction : bool
         Whether the opacity of a sheet depends on the obliquity of the ray. False is the paper's literal reading.
     record : {16, 8}
-        Bytes of a voxel record in the run-length tables. Smaller records save memory and lose accuracy; only "pre" has
-        them.
+        *Voxel Memory*. Bytes of a voxel record in the run-length tables. Smaller records save memory and lose accuracy;
+        only "pre" has them.
     threads : int
         Number of threads; 0 for one per core.
     name : str
-        Name of the preset, or another one for reports.
+        Name of the preset, or another one for reports; "strict" is *Very Fine*.
     exact_light : bool or None
         Whether what arrives of lights and of ambient light is traced by rays beside each voxel, not read from a grid:
         slower and more accurate. The preset "strict" has it, and plans for a tolerance. Only "post".

@@ -129,7 +129,8 @@ class Scene:
         Share, 0 to 1, of the light from all directions (the transfer function's ambient light included) that is
         removed where the volume or a mesh hides the sky.
     indirect_light : float
-        Amount, 0 to 1, of light that is scattered on its way from lights that cast shadows; ``post`` alone has it.
+        *Scattering* in Blender. Amount, 0 to 1, of light that is scattered on its way from lights that cast shadows;
+        ``post`` alone has it.
     labels : Labels or None
         Segments with looks of their own, or hidden.
     channels : tuple of Channel

@@ -118,7 +118,7 @@ def test_the_error_map_is_picture_less_truth(volume, bridge, core, step):
     np.testing.assert_allclose(found[..., 0], expected, atol=1e-4)
     assert expected.max() > 0.5 and (found[..., 3] == 1.0).all()
     against = core("accuracy.planner.table").TRUTH_TEXTS[name]
-    assert f"Against {against}: largest {figure_text(expected.max())}/255," in settings.error_note
+    assert f"Against {against}, in 8-bit steps: largest {figure_text(expected.max())}," in settings.error_note
 
 
 def test_it_survives_save_and_load(listed, tmp_path):

@@ -141,7 +141,7 @@ def test_render_image(volume):
     assert depth[10, 20] == pytest.approx(30.0 - (8.0 - (units - 0.5)), abs=0.01)
     assert depth[30, 20] == np.float32(1e10)
     report = json.loads(settings.last_report_json)
-    assert report["image"] == {"width": 40, "height": 40} and "\nSplat: " in settings.last_report
+    assert report["image"] == {"width": 40, "height": 40} and "\nVoxels to layers: " in settings.last_report
 
 
 def test_rendering_again_reuses_the_images(volume):

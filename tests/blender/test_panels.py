@@ -27,8 +27,8 @@ SENTENCES = (
     SENTENCE,
     "The voxels of 'THORAX_VENOUS' are not those that were imported, because //CT/THORAX_VENOUS.nii has changed; "
     "import it again, or click Relocate to choose the original file.",
-    "Against the exact integral of values that are interpolated, then classified: largest "
-    "3.82/255, RMSE 0.784/255 at one pixel in each 4 x 4. White in the image is an error of 1/255 or more.",
+    "Against the exact integral of values that are interpolated, then classified, in 8-bit steps: "
+    "largest 3.82, RMSE 0.784 at one pixel in each 4 x 4. White in the image is an error of 1 or more.",
 )
 
 
@@ -281,9 +281,9 @@ def test_a_knob_and_the_classification_that_has_it_are_chosen_together(volume_ob
 def test_messages_and_reports_are_shown(volume_object, monkeypatch):
     settings = bpy.context.scene.rle_splat
     settings.message = "The volume was deleted."
-    settings.last_report = "Kept voxels: 17\nSplat: 12 ms"
+    settings.last_report = "Kept voxels: 17\nVoxels to layers: 12 ms"
     shown = texts(draw_all(monkeypatch))
-    assert "The volume was deleted." in shown and "Splat\n12 ms" in shown and "Kept voxels: 17" in shown
+    assert "The volume was deleted." in shown and "Voxels to layers\n12 ms" in shown and "Kept voxels: 17" in shown
 
 
 def test_missing_numba_is_said_loudly(volume_object, monkeypatch, addon):

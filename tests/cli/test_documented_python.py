@@ -18,7 +18,7 @@ from devtools.docs import python_of
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs/how-to/use-from-python.md"
 TUTORIAL = ROOT / "docs/tutorial/first-figure-from-python.md"
-MEASURED = re.compile(r" *\d[\d.]*(?= (?:ms|of|sample))")  # times and errors, which differ between machines
+MEASURED = re.compile(r" *\d[\d.]*(?= (?:ms|8-bit|sample))")  # times and errors, which differ between machines
 SIDE = 48  # voxels and pixels
 
 

@@ -124,7 +124,7 @@ def test_thin_vessels_get_rays_wherever_something_is_seen(thin):
     assert after["p999"] < 10.0 < 0.5 * before["p999"] and after["rmse"] < 0.5 * before["rmse"]
     plan = rendering.report["plan"]
     assert plan["rays"] == UNLIMITED and plan["quality"] == "strict" and plan["aim"] == 25.0 >= 2.5 * plan["expected"]
-    assert "25 of 255 steps in 99.9% of pixels" in plan["why"]
+    assert "in 8-bit steps, of at most 25 in 99.9% of pixels" in plan["why"]
     assert "exact pixels wherever something is seen" in plan["why"]
 
 

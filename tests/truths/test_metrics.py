@@ -126,10 +126,10 @@ def test_metrics_keep_random_and_steep_probes_apart():
     assert found["steep"]["failed"] == 100 and found["largest"] == 0.9 and not found["kept"]
     assert found["share"] == 0.006
     assert found["sentence"] == (
-        "None of 500 random sample pixels differs from the reference by more than 0.5/255: at "
+        "None of 500 random sample pixels differs from the reference by more than 0.5 in 8-bit steps: at "
         "95% confidence at most 0.60% of the pixels do."
     )
     assert error_summary(errors, 500, 1.0)["kept"]
-    two = "2 of 500 random sample pixels differ from the reference by more than 1/255: "
+    two = "2 of 500 random sample pixels differ from the reference by more than 1 in 8-bit steps: "
     assert statement(2, 500, 1.0).startswith(two)
     assert error_summary(np.zeros(0), 0, 1.0)["share"] == 1.0

@@ -172,11 +172,13 @@ def _remarks(session: PlannerSession, error: dict, gave_up: bool, margin: float)
                 f"was not reached in {len(error['rounds'])} pictures with ever finer settings; the smallest error is"
             )
         remarks.append(
-            f"A largest error of {tolerance:g}/255 {found} {figure_text(error['floor'])}/255, {how} against the "
-            "reference."
+            f"A maximum error, in 8-bit steps, of {tolerance:g} {found} {figure_text(error['floor'])}, {how} against "
+            "the reference."
         )
     elif tolerance < STRICTEST:
-        remarks.append(f"A tolerance below {STRICTEST:g}/255 is finer than a picture of 32-bit numbers can show.")
+        remarks.append(
+            f"A maximum error below {STRICTEST:g} in 8-bit steps is finer than a picture of 32-bit numbers can show."
+        )
     if error["measured"] is None:
         remarks.append("The error is predicted and was not measured.")
     if triangles is not None and len(triangles) and error["measured"] is not None:
