@@ -13,6 +13,7 @@ import os
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -35,10 +36,15 @@ SKULL = "dicom_ct_skull_phantom_512x512x140"
 BRAIN = "flair_brain_124x160x140_uint8.nrrd"
 CHEST = "cta_aorta_labels/cta_heart_aorta_120x126x164_int16.nii.gz"
 HEAD = "cthead_256x256x113_uint16be.raw.gz"  # its spacing is known as 1 : 1 : 2
-OF_HEAD = (
-    "--shape 256 256 113 --dtype uint16 --byte-order big --spacing 0.9 0.9 1.8 --orientation LPI --intercept -1024 "
-    "--value-unit HU --modality CT"
-).split()  # fmt: skip
+OF_HEAD = {
+    "shape": (256, 256, 113), "dtype": "uint16", "byte_order": "big", "spacing": (0.9, 0.9, 1.8), "orientation": "LPI",
+    "intercept": -1024.0, "value_unit": "HU", "modality": "CT",
+}  # fmt: skip
+ROWS = 236  # of it; behind them is the head's holder
+MORE_SCANS = (  # of the page on many scans
+    ("2 Chest.nii.gz", CHEST), ("3 Plastic skull", SKULL), ("4 Chest, 46 mm", "dicom_ct_chest_512x512x46"),
+    ("5 Chest, 76 mm", "dicom_ct_chest_cta_512x512x95"), ("6 Brain.nrrd", BRAIN),
+)  # fmt: skip
 VIEWS = ((0, 0), (90, 0), (180, 0))  # azimuth and elevation
 OBLIQUE = ("--azimuth", "30", "--elevation", "15", "--fit", "0.95")
 SMALL, POSTER, EYE = 360, 3600, (735, 2470)  # pixels: a picture's side, a poster's, and where a part of it begins
@@ -170,16 +176,15 @@ def run_page(page: Path, own: Path, name: str) -> None:
 
 
 def many(folder: Path) -> None:
-    """how-to-many.jpg: the contact sheet of the page on many scans, of three CTs; with the data folder alone."""
-    from rle_splat.cli.main import main as rle_splat
-
+    """how-to-many.jpg: the contact sheet of the page on many scans; with the data folder alone."""
+    if not (data_folder() / HEAD).is_file():
+        return
     own = folder / "many"
     shutil.rmtree(own, ignore_errors=True)
     (own / "scans").mkdir(parents=True)
-    words = ["convert", str(data_folder() / HEAD), str(own / "scans" / "1 Head.nrrd"), *OF_HEAD]
-    if not (data_folder() / HEAD).is_file() or rle_splat(words):
-        return
-    for name, scan in (("2 Chest.nii.gz", CHEST), ("3 Plastic skull", SKULL)):
+    head = rs.read_volume(data_folder() / HEAD, **OF_HEAD)
+    rs.write_volume(replace(head, voxels=head.voxels[:, :ROWS]), own / "scans" / "1 Head.nrrd")
+    for name, scan in MORE_SCANS:
         (own / "scans" / name).symlink_to(data_folder() / scan)
     (own / "many.py").write_text(python_of(MANY), encoding="utf-8")
     subprocess.run([sys.executable, "many.py"], cwd=own, env={**os.environ, "PYTHONPATH": str(ROOT)}, check=True)

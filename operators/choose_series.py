@@ -63,7 +63,7 @@ class RLE_SPLAT_OT_choose_series(bpy.types.Operator):
         else:
             split.label(text="No picture", icon="IMAGE_DATA")
         column = split.column(align=True)
-        for name, text in series.facts(chosen):
+        for name, text in series.facts(chosen, offer.descriptions[chosen.number - 1]):
             line = column.split(factor=0.3, align=True)
             line.label(text=name)
             line.label(text=text)

@@ -5,6 +5,8 @@ checkers and editors.
 # read and write
 from .read.formats import read_volume as read_volume
 from .read.formats import read_steps as read_steps
+from .read.formats import list_series as list_series
+from .read.dicom.titles import SeriesInfo as SeriesInfo
 from .read.labels import read_labels as read_labels
 from .read.channels import read_channel as read_channel
 from .read.images import read_sitk as read_sitk

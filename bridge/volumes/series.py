@@ -17,8 +17,8 @@ class Offer:
 
     Attributes
     ----------
-    titles : tuple of str
-        One line about each, without free text of the files.
+    titles, descriptions : tuple of str
+        One line about each, without free text of the files, and that text.
     operator : str
         Name of the operator in ``bpy.ops.rle_splat`` that reads the chosen one.
     options : dict
@@ -29,6 +29,7 @@ class Offer:
 
     rows: tuple[SeriesInfo, ...]
     titles: tuple[str, ...]
+    descriptions: tuple[str, ...]
     operator: str
     options: dict
     icons: object
@@ -59,7 +60,8 @@ def offer(several, thumbnails, operator: str, options: dict) -> None:
             for kind in ("icon", "image"):
                 setattr(picture, f"{kind}_size", gray.shape[::-1])
                 getattr(picture, f"{kind}_pixels_float").foreach_set(_rgba(gray))
-    _offer.append(Offer(rows, several.titles, operator, options, icons))
+    descriptions = tuple(group.first.series.description for group in several.groups)
+    _offer.append(Offer(rows, several.titles, descriptions, operator, options, icons))
 
 
 def _rgba(gray: np.ndarray) -> np.ndarray:
@@ -87,12 +89,12 @@ def sentence(several) -> str:
     return f"{several.problem}; set series to the number of one: {listed}."
 
 
-def facts(row: SeriesInfo) -> list[tuple[str, str]]:
+def facts(row: SeriesInfo, description: str) -> list[tuple[str, str]]:
     """(name, text) of what a chooser says about a series."""
     spacing = "" if row.spacing is None else " x ".join(f"{s:.4g}" for s in row.spacing) + " mm"
     several = "" if row.frames == 1 else f"{row.frames}" if row.axis == "time" else f"{row.frames}, of {row.axis}"
     rows = (
-        ("Modality", " ".join(filter(None, (row.modality, row.body_part)))), ("Description", row.description),
+        ("Modality", " ".join(filter(None, (row.modality, row.body_part)))), ("Description", description),
         ("Slices", str(row.slices)), ("Size", " x ".join(map(str, row.size)) + " pixels"), ("Spacing", spacing),
         ("Time Points" if row.axis in ("", "time") else "Volumes", several),
         ("Kind", "Localizer" if row.localizer else ""), ("Problem", row.problem),

@@ -1,5 +1,7 @@
 """``rle-splat info``: describe a volume and report unusual data, without rendering."""
 
+from itertools import count
+
 import numpy as np
 
 from ..pipeline.memory_estimate import picture_bytes
@@ -65,12 +67,8 @@ def run(args) -> None:
 
 def describe_series(several: SeveralSeries) -> dict:
     """The report of a place that holds several series: what each is, without its free text."""
-    names = ("number", "modality", "body_part", "slices", "size", "spacing", "frames", "axis", "localizer", "problem")
-    rows = []
-    for number, (group, title) in enumerate(zip(several.groups, several.titles), 1):
-        info = series_info(group, number)
-        rows.append({**{name: getattr(info, name) for name in names}, "title": title})
-    return {"series": rows}
+    rows = zip(map(series_info, several.groups, count(1)), several.titles)
+    return {"series": [{**vars(info), "title": title} for info, title in rows]}
 
 
 def series_lines(report: dict) -> list[str]:

@@ -6,7 +6,7 @@ content does not tell.
 
 from collections.abc import Generator, Iterable
 from dataclasses import replace
-from itertools import islice
+from itertools import count, islice
 from os import PathLike
 from pathlib import Path
 from typing import Any, Literal
@@ -19,8 +19,10 @@ from ..volume.hounsfield import looks_like_hounsfield
 from ..volume.placement import place_volume
 from ..volume.reduced import sample_steps
 from ..volume.volume import Volume
-from .dicom.reader import read_dicom_steps, reads_dicom_folder, recognizes_dicom
+from .dicom.discovery import find_pictures
+from .dicom.reader import groups_in, read_dicom_steps, reads_dicom_folder, recognizes_dicom
 from .dicom.refusals import no_images
+from .dicom.titles import SeriesInfo, series_info
 from .format import LEVEL, MEANING_OPTIONS, PLACE_OPTIONS, Format, head_of, refuse_pipe
 from .header import CT_ASSUMED
 from .kernel_type import narrow_steps
@@ -260,7 +262,7 @@ def read_volume(
     grid : str, optional
         Name of the grid to read from an OpenVDB file.
     series : int, optional
-        Which series to read if a DICOM folder holds several, starting at 1.
+        Which series to read if a DICOM folder holds several, starting at 1; ``list_series`` lists them.
     series_key : str, optional
         The same by the ``Volume.series`` of one that was read before.
     scratch : str or Path, optional
@@ -281,6 +283,30 @@ def read_volume(
         If the file cannot be read, or an option does not apply to the format.
     """
     return drain(read_steps(**locals()))
+
+
+def list_series(path: str | PathLike) -> tuple[SeriesInfo, ...]:
+    """List the series of a DICOM study, to choose one of them for ``read_volume``. Only headers are read.
+
+    Parameters
+    ----------
+    path : str or Path
+        A file or a folder, as for ``read_volume``.
+
+    Returns
+    -------
+    tuple of SeriesInfo
+        Empty for other formats, and for DICOM files of segments.
+
+    Raises
+    ------
+    RleSplatError
+        If there is no such file or folder, or it holds no image.
+    """
+    path = Path(path)
+    if _choose(path, {}).read_steps is not read_dicom_steps:
+        return ()
+    return tuple(map(series_info, groups_in(drain(find_pictures(path))), count(1)))
 
 
 def write_steps(volume: Volume, path: str | PathLike) -> Generator[Progress, None, dict]:

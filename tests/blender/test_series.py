@@ -128,7 +128,7 @@ def test_what_the_chooser_shows(study, bridge, core):
     assert [picture.dtype for picture in thumbnails] == [np.uint8, np.uint8]
     series.offer(several, thumbnails, "import_volume", {"filepath": str(study), "use_dialog": False})
     offer = series.offered()
-    told = dict(series.facts(offer.rows[0]))
+    told = dict(series.facts(offer.rows[0], offer.descriptions[0]))
     assert told["Modality"].startswith("CT") and told["Slices"] in ("5", "7") and "mm" in told["Spacing"]
     assert tuple(offer.icons["1"].image_size) == (36, 33)
     np.testing.assert_allclose(  # without a window Blender makes no icon of it

@@ -12,7 +12,7 @@ from rle_splat.cli.main import main
 from rle_splat.read.dicom.discovery import find_pictures
 from rle_splat.read.dicom.reader import groups_in
 from rle_splat.read.dicom.titles import group_title, series_info
-from rle_splat.read.formats import read_volume
+from rle_splat.read.formats import list_series, read_volume
 from rle_splat.runtime.steps import drain
 from tests.read import dicom_phantoms as phantoms
 from tests.read.test_dicom_segmentation import truth, write_seg
@@ -105,8 +105,10 @@ def test_volume_and_chooser(scan: Path):
     group = groups_in(drain(find_pictures(scan)))[0]
     info = series_info(group, 1)
     assert not said(group_title(group).encode(), words)
-    assert phantoms.PERSON in info.description  # shown in the chooser, and nowhere else
-    assert not said(repr(group.frames).replace(repr(info.description), "").encode(), words)
+    assert list_series(scan)[0] == info and not said(repr(info).encode(), words)
+    description = group.first.series.description
+    assert phantoms.PERSON in description  # shown in the chooser, and nowhere else
+    assert not said(repr(group.frames).replace(repr(description), "").encode(), words)
 
 
 @pytest.mark.filterwarnings("ignore:Invalid value for VR CS")

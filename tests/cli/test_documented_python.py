@@ -1,5 +1,6 @@
 """The Python code of the README, of the tutorial and of two guides runs as it stands there."""
 
+import csv
 import os
 import re
 import shutil
@@ -51,27 +52,49 @@ def test_the_tutorial_runs_and_prints_what_it_says(tmp_path, monkeypatch, capsys
 
 
 @pytest.mark.slow  # it compiles the kernels of the quality fine under a recipe
-def test_the_script_for_many_scans_runs_twice_and_says_what_is_wrong(tmp_path):
+def test_the_script_for_many_scans_goes_on_after_errors_and_leaves_out_what_is_made(tmp_path, monkeypatch):
     Image = pytest.importorskip("PIL.Image")
-    (tmp_path / "scans").mkdir()
+    pytest.importorskip("pydicom")
+    from tests.read.dicom_phantoms import geometry, write_classic
+
+    scans = tmp_path / "scans"
+    scans.mkdir()
     ball = np.linalg.norm(np.indices((SIDE,) * 3) - SIDE / 2, axis=0) < SIDE / 3
-    for name, unit in (("a", "HU"), ("b", "HU"), ("mr", None)):
+    for name, unit in (("a", "HU"), ("killed", "HU"), ("mr", None)):
         volume = rle_splat.Volume(np.int16(2000 * ball - 1000), np.diag((3, 3, 3, 1)), space="patient", value_unit=unit)
-        rle_splat.write_volume(volume, tmp_path / "scans" / f"{name}.nrrd")
-    (tmp_path / "scans" / "text.nrrd").write_text("no scan")
-    (tmp_path / "many.py").write_text(python_of(ROOT / "docs/how-to/picture-many-scans.md"), encoding="utf-8")
-    for said in ("", " has a picture"):
-        words = [sys.executable, "many.py"]
+        rle_splat.write_volume(volume, scans / f"{name}.nrrd")
+    for distance in (3, 1.5, 2):  # mm between slices
+        where = geometry("axial", (1, 0, 0), (0, 1, 0), np.arange(0, 18, distance))
+        write_classic(scans / "study" / f"{distance}", where)
+    (scans / "text.nrrd").write_text("no scan")
+    (scans / ".hidden").write_text("")
+    code = python_of(ROOT / "docs/how-to/picture-many-scans.md")
+    dies = '    if path.name == "killed.nrrd":\n        os._exit(9)\n'
+    (tmp_path / "many.py").write_text(code.replace("    began, part", f"{dies}    began, part"), encoding="utf-8")
+
+    def run(*numbers):
         env = {**os.environ, "PYTHONPATH": str(ROOT)}
-        done = subprocess.run(words, cwd=tmp_path, env=env, capture_output=True, text=True, check=False)
-        first, second, third, fourth = done.stdout.splitlines()
-        assert (first, second, third) == (f"a.nrrd:{said}", f"b.nrrd:{said}", "mr.nrrd: This scan is no CT in HU."), (
-            done.stderr
+        done = subprocess.run(
+            [sys.executable, "many.py", *numbers], cwd=tmp_path, env=env, capture_output=True, text=True, check=True
         )
-        assert "text.nrrd is not a NRRD file" in fourth
-    assert sorted(path.name for path in (tmp_path / "pictures").iterdir()) == ["a.nrrd.png", "b.nrrd.png"]
+        return [line.partition(":")[0] for line in sorted(done.stdout.splitlines())]
+
+    assert run("0") == ["a.nrrd"] and not (tmp_path / "scans.csv").exists()
+    assert run() == ["killed.nrrd", "mr.nrrd", "study", "text.nrrd"]
+    assert run() == ["killed.nrrd", "mr.nrrd", "text.nrrd"]
+    assert sorted(path.name for path in (tmp_path / "pictures").glob("*.p*")) == ["a.nrrd.png", "study.png"]
+    with open(tmp_path / "scans.csv", newline="", encoding="utf-8") as file:
+        table = {row["name"]: row for row in csv.DictReader(file)}
+    assert [float(row["seconds"]) > 0 for row in table.values() if not row["error"]] == [True, True]
+    assert table["mr.nrrd"]["error"] == "This scan is no CT in HU."
+    assert "code 9" in table["killed.nrrd"]["error"] and "text.nrrd is not a NRRD file" in table["text.nrrd"]["error"]
     sheet = np.asarray(Image.open(tmp_path / "sheet.png"))
-    assert sheet.shape == (400, 720, 3) and (sheet[200, (180, 540)] > 60).all()
+    assert sheet.shape == (1240, 720, 3) and (sheet[200, 180] > 60).all() and not sheet[200, 540].any()
+
+    monkeypatch.chdir(tmp_path)
+    names = {}
+    exec(code.partition("PICTURES.mkdir")[0], names)
+    assert names["read"](Path("scans/study")).spacing[2] == pytest.approx(1.5)
 
 
 @pytest.mark.slow  # it compiles the kernels of the quality fine

@@ -16,7 +16,7 @@ from rle_splat.read.dicom import discovery
 from rle_splat.read.dicom.discovery import find_pictures
 from rle_splat.read.dicom.reader import groups_in
 from rle_splat.read.dicom.titles import series_info, thumbnail
-from rle_splat.read.formats import format_of, read_volume
+from rle_splat.read.formats import format_of, list_series, read_volume, write_volume
 from rle_splat.runtime.steps import drain
 from rle_splat.scene import RleSplatError
 from rle_splat.volume.volume import PATIENT, Volume
@@ -336,6 +336,20 @@ def test_the_chooser(tmp_path: Path):
     assert second.spacing[2] > 1.5 and (first.frames, first.problem) == (1, "")
     picture = thumbnail(groups[1])
     assert picture.dtype == np.uint8 and picture.shape == (33, 36)
+
+
+def test_the_series_of_a_study_are_listed_by_the_numbers_that_read_them(tmp_path: Path):
+    two_series(tmp_path)
+    listed = list_series(tmp_path)
+    assert [one.number for one in listed] == [1, 2]
+    for one in listed:
+        volume = read_volume(tmp_path, series=one.number)
+        assert (*volume.spacing, volume.modality) == pytest.approx((*one.spacing, one.modality))
+    assert listed[0].spacing != listed[1].spacing
+    write_volume(volume, tmp_path / "other.nrrd")
+    assert list_series(tmp_path / "other.nrrd") == ()
+    with pytest.raises(RleSplatError, match="There is no file"):
+        list_series(tmp_path / "nothing")
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""What a chooser says about a series: data and one line. Nothing here names a patient."""
+"""What is said about a series before one is read: data and one line. Nothing here names a patient."""
 
 from dataclasses import dataclass
 
@@ -14,23 +14,26 @@ WINDOW_PERCENT = (1.0, 99.0)  # of a slice's values, shown black and white where
 
 @dataclass(frozen=True)
 class SeriesInfo:
-    """One row of a chooser.
+    """A series of a DICOM study, without free text of its files.
 
     Attributes
     ----------
     number : int
-        From 1; the value of the option ``series``.
+        From 1; the value of ``series`` for ``read_volume``.
     modality, body_part : str
-        Coded values; "" if the files do not say.
-    description : str
-        Free text of the files: for the chooser alone; it must not be stored or logged.
+        Such as "CT" and "CHEST"; "" if the files do not say.
     slices : int
-        Slices of one frame in the files.
-    size : (columns, rows)
+        Slices of one time point.
+    size : tuple of int
+        Columns and rows.
     spacing : tuple of float or None
         Distances between columns, rows and slices in mm; None if the files do not say or the series is no stack.
+    frames : int
+        Time points, or other volumes in the place of one another.
     axis : str
-        What the frames differ in.
+        What these differ in, such as "time"; "" for one.
+    localizer : bool
+        Whether its slices are localizers.
     problem : str
         Why it cannot be read as a volume; "" if it can.
     """
@@ -38,7 +41,6 @@ class SeriesInfo:
     number: int
     modality: str
     body_part: str
-    description: str
     slices: int
     size: tuple
     spacing: tuple | None
@@ -49,7 +51,7 @@ class SeriesInfo:
 
 
 def series_info(group: Group, number: int) -> SeriesInfo:
-    """The row of a chooser for a group."""
+    """What is said of a group."""
     first = group.first
     spacing, problem = None, ""
     try:
@@ -57,7 +59,7 @@ def series_info(group: Group, number: int) -> SeriesInfo:
     except RleSplatError as refusal:
         problem = str(refusal)
     return SeriesInfo(
-        number, first.series.modality, first.series.body_part, first.series.description, group.slices,
+        number, first.series.modality, first.series.body_part, group.slices,
         (first.storage.columns, first.storage.rows), spacing, len(group.frames), group.axis, group.localizer, problem,
     )  # fmt: skip
 
