@@ -71,7 +71,7 @@ RECIPES = (
         HEAD,
         "SKIN",
         {"preset": "mr-head"},
-        {"smoothness": 3.5, "specular": 0.0},
+        {"smoothness": 3.5, "specular": 0.15, "shininess": 12.0},
         toward=(0.75, -1.9, 0.15),
         aim=(0.0, 0.0, -0.06),
         lens=68.0,

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 import bpy
-from demo_scene import material, named, rod
+from demo_scene import material, rod
 from gallery_skull import remove_box
 from gallery_studio import COLD, RENDER, WARM, Stage, softbox_world, view_transform
 from mathutils import Matrix, Vector
@@ -63,7 +63,7 @@ def _hoop(name: str, place: Vector, radius: float, degrees: float, turn: Matrix,
 
 
 def meshes(stage: Stage):
-    """A brain, cut open above a lesion, in a ring with an arc and a needle, partly behind a pane."""
+    """A brain on a stand, cut open above a lesion, in a ring with an arc and a needle."""
     ours, at, size = stage.volume.rle_splat, stage.at, stage.size
     bpy.ops.rle_splat.apply_preset(preset="mr-brain")
     stage.volume.matrix_world = Matrix.Rotation(math.pi, 4, "Z") @ stage.volume.matrix_world  # seen from behind
@@ -85,13 +85,8 @@ def meshes(stage: Stage):
     along = Vector((-0.3, 0.0, 0.95))
     rod("Needle", at(*(LESION - 0.04 * along)), at(*(LESION + 0.42 * along)), 0.005 * size, brass)
     rod("Guide", at(*(LESION + 0.2 * along)), at(*(LESION + 0.3 * along)), 0.022 * size, brass)
-    glass = material("Glass", (0.6, 0.87, 0.9), roughness=0.0)
-    glass.node_tree.nodes["Principled BSDF"].inputs["Transmission Weight"].default_value = 1.0
-    bpy.ops.mesh.primitive_cube_add(size=size)
-    pane = named("Pane", glass)
-    pane.matrix_world = Matrix.Translation(at(0.03, -0.64, ground + 0.4)) @ Matrix.Diagonal((0.4, 0.012, 0.8, 1.0))
     toward = (-0.95, -2.15, 0.8)
-    stage.camera(toward, lens=57.0, aim=(0.0, 0.0, -0.07))
+    stage.camera(toward, lens=50.0, aim=(0.0, 0.0, -0.12))
     stage.sweep(toward, ground, (0.08, 0.084, 0.092)).visible_shadow = False
     stage.lamp("Key", "SUN", 3.0, (-1.0, -0.6, 1.5), WARM, angle=math.radians(3.0))
     stage.area("Rim", 40.0, (1.4, 1.2, 0.9), COLD)

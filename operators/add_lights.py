@@ -42,8 +42,8 @@ class RLE_SPLAT_OT_add_lights(LoadsFirst, bpy.types.Operator):
             ("BONE", "For Bone", "Skulls, fractures and implants: a sun from the upper left and a bluish rim light"),
             ("SOFT", "Soft Lights", "Brains and folded surfaces, pictures for teaching: two large soft lights from the "
              "left and the right"),
-            ("SKIN", "For Skin", "Heads and faces: a key light from the left and a warm rim light from the right, "
-             "which scatter in skin"),
+            ("SKIN", "For Skin", "Heads and faces: a key light from the left, a weak fill light and a warm rim "
+             "light, which scatter in skin"),
             ("SMOKE", "For Smoke", "Smoke and clouds: an orange sun from the right and a blue one from the left"),
             ("SPECIMEN", "For Specimens", "Insects, shells and engines: a sun from the left, which shows the texture "
              "of a surface, and a rim light"),

@@ -1,7 +1,11 @@
-"""The presets that a volume is offered: ours for its modality first, then the user's own, then the others."""
+"""The presets that a volume is offered: ours for its modality first, then the user's own, then the others.
+
+The name of a file that states no modality suggests one, as the import chooses a preset by it.
+"""
 
 from dataclasses import dataclass
 
+from ...rle_splat.classify.default import modality_of_name
 from ...rle_splat.classify.presets import PRESETS
 from ...rle_splat.volume.volume import PATIENT
 from ..translations import filled
@@ -71,7 +75,7 @@ def groups(properties) -> list[PresetGroup]:
 
     It reads only properties, so a panel may call it at every redraw.
     """
-    modality = modality_of(properties)
+    modality = modality_of(properties) or modality_of_name(properties.facts.partition("\n")[0])
     kind = NAMES.get(modality, modality)
     suggested, *items = preset_items.IMPORT_ITEMS
     suits, others = [Entry(*suggested)], []

@@ -133,6 +133,11 @@ def _proposals(volume: Volume, spread: Histogram, has_contrast: bool):
             yield _of_head(PRESET_OF_WORD[word], volume), f"the name of the volume contains {word}"
 
 
+def modality_of_name(name: str) -> str | None:
+    """The modality of the preset that a word of a name asks for, as where a file does not state it; None without."""
+    return next((PRESETS[PRESET_OF_WORD[word]].modality for word in _words(name) if word in PRESET_OF_WORD), None)
+
+
 def _of_head(name: str, volume: Volume) -> str:
     """A preset; that of a head in place of a brain's, unless the scan's faces are nearly all of one value, as where all
     but the brain was removed.  A head reaches the lowest face with its neck, a brain with its stem at most."""

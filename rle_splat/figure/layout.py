@@ -23,6 +23,7 @@ BODY_NAMES = {one.label: one.name for one in NAMES}  # those that Hide Table giv
 LEADING = 1.35  # from line to line, in font sizes
 BAR = 0.7  # mm: thickness of a scale bar
 WIDEST_BAR = 85.0  # mm: a color bar for the whole figure
+MOST_POINTS = 6  # of an opacity curve that a caption lists
 ALIKE = 1e-4  # share of a range up to which Blender's numbers of 32 bits count as those of a preset
 CUBE = 2.8  # font sizes: an edge of the cube
 LUMINANCE = (0.2126, 0.7152, 0.0722)  # of scene-linear RGB
@@ -386,7 +387,7 @@ def _function_words(scene: Scene) -> str:
     is_alike = np.allclose(function.table(values), moved.table(values), atol=ALIKE)
     words = []
     if not is_alike or function.gradient_opacity != moved.gradient_opacity:
-        words.append("modified")
+        words.append("modified" + _opacity_words(function.opacity, unit))
     elif own.unit != function.unit or not math.isclose(high - low, last - first, rel_tol=ALIKE):
         words.append(f"mapped to {low:.4g} to {high:.4g}{unit}")
     elif not math.isclose(low, first, abs_tol=ALIKE * (last - first)):
@@ -395,6 +396,13 @@ def _function_words(scene: Scene) -> str:
         distance = function.opacity_unit_distance or float(volume.spacing.min())
         words.append(f"opacity unit distance {distance:.3g} {volume.unit}")
     return ", ".join((function.name, *(word.replace("-", "−") for word in words)))
+
+
+def _opacity_words(points, unit: str) -> str:
+    """The points of an opacity curve from where it rises, as ": opacity 0 at 270, 0.9 at 800 HU"; "" of many."""
+    rising = [point for point, after in zip(points, (*points[1:], None)) if after is None or point[1] or after[1]]
+    listed = ", ".join(f"{alpha:.2g} at {value:.4g}" for value, alpha in rising)
+    return f": opacity {listed}{unit}" if len(rising) <= MOST_POINTS else ""
 
 
 def _letters_used(draft: PageDraft, scenes: list) -> set:

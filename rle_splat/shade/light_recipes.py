@@ -126,12 +126,13 @@ RECIPES: dict[LightRecipe, Recipe] = {
     ),
     "skin": Recipe(
         (
-            RecipeLight("Key", "AREA", 30.0, (-1.2, -1.5, 0.7), PALE),
-            RecipeLight("Rim", "AREA", 80.0, (1.8, 0.8, 0.5), WARM, size=0.6),
+            RecipeLight("Key", "AREA", 45.0, (-1.7, -0.9, 0.9), PALE),
+            RecipeLight("Fill", "AREA", 8.0, (1.3, -1.6, 0.0), COOL, size=2.0, casts_shadow=False),
+            RecipeLight("Rim", "AREA", 60.0, (1.7, 1.1, 0.6), WARM, size=0.7),
         ),
         ambient_occlusion=0.7,
         indirect_light=0.5,
-        shade={"smoothness": 3.5, "specular": 0.0},
+        shade={"smoothness": 3.5, "specular": 0.15, "shininess": 12.0},
     ),
     "smoke": Recipe(
         (

@@ -8,6 +8,7 @@ and graded, and prints the seconds of a frame.  The scan is HEAD_MR in tests/ble
 are those of the way there, so they are not rendered.
 """
 
+import math
 import os
 import time
 
@@ -23,9 +24,10 @@ ANGLE, START, LENS = 40.0, 20.0, 78.0  # degrees, and mm
 NODES = "1250x440+15+215"  # of the window: the nodes alone
 KEYED = 40  # the frame of the picture of the keyframes
 OUTSIDE = 0.09  # meters from the middle to the left
+KEYS = (1, OUTSIDE), (50, 0.0), (70, 0.0), (LAST, OUTSIDE)  # frame, and meters
 LEVEL, WINDOW = 90.0, 170.0
-RIM, SPECULAR = 12.0, 0.1  # watts; of the skin
-DARK = (0.012, 0.016, 0.024)  # of the world
+WALL, LAMP = (0.0, 0.0, -1.6), (0.0, 0.0, -1.0)  # places of the background and its light before the camera, in meters
+BLUE, POWER, CONE = (0.12, 0.14, 0.18), 6.0, 100.0  # of the wall; of its light, in watts and degrees
 GRADED, EXPOSURE = 27, 0.3  # the frame of the picture
 GRADES = (  # caption, view transform, look; the last is graded
     ("Standard", "Standard", "None"),
@@ -34,7 +36,7 @@ GRADES = (  # caption, view transform, look; the last is graded
     ("Graded, AgX, High Contrast", "AgX", "AgX - High Contrast"),
 )
 LIFT, GAIN = (0.99, 1.0, 1.015, 1.0), (1.12, 1.0, 0.88, 1.0)  # bluish shadows, warm lights
-SAMPLES = 8  # of Cycles, which renders the faces of the cut and the world alone
+SAMPLES = 16  # of Cycles, which renders the faces of the cut and the wall alone, and denoises them
 
 
 def turn_and_cut(scene, volume):
@@ -48,18 +50,16 @@ def turn_and_cut(scene, volume):
         scene.frame_set(1)
         pivot = scene.camera.parent
         pivot.keyframe_insert("rotation_euler", index=2, frame=LAST)
-        scene.frame_set(TURN)  # from there, the rim light is behind the head and not on the cut
         activate(volume)
         assert bpy.ops.rle_splat.add_lights(kind="SKIN") == {"FINISHED"}
-        bpy.data.objects["Rim"].data.energy = RIM
-        volume.rle_splat.specular = SPECULAR
+        add_background(scene)
         bpy.ops.view3d.view_axis(type="RIGHT")  # of Blender: the patient's left
     yield from settled()
     with in_the_view():
         assert bpy.ops.rle_splat.cut_along_view() == {"FINISHED"}
     plane = bpy.context.view_layer.objects.active
     middle = plane.location.x
-    for number, away in ((1, OUTSIDE), (TURN, 0.0), (LAST, OUTSIDE)):
+    for number, away in KEYS:
         plane.location.x = middle + away
         plane.keyframe_insert("location", frame=number)
     for one in (pivot, plane):
@@ -72,6 +72,21 @@ def turn_and_cut(scene, volume):
     ours = volume.rle_splat
     ours.slices_follow_window, ours.slice_center, ours.slice_width = False, LEVEL, WINDOW
     yield from photograph_keys(scene, pivot, plane)
+
+
+def add_background(scene):
+    """A wall behind the head that turns with the camera, and a spot light on it."""
+    bpy.ops.mesh.primitive_plane_add()
+    wall = bpy.context.view_layer.objects.active
+    wall.parent, wall.location, wall.scale = scene.camera, WALL, (2.0, 2.0, 1.0)
+    paint = bpy.data.materials.new("Wall")
+    paint.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (*BLUE, 1.0)
+    paint.node_tree.nodes["Principled BSDF"].inputs["Roughness"].default_value = 1.0
+    wall.data.materials.append(paint)
+    bpy.ops.object.light_add(type="SPOT")
+    lamp = bpy.context.view_layer.objects.active
+    lamp.parent, lamp.location, lamp.rotation_euler = scene.camera, LAMP, (0.0, 0.0, 0.0)
+    lamp.data.energy, lamp.data.spot_size, lamp.data.spot_blend = POWER, math.radians(CONE), 1.0
 
 
 def photograph_keys(scene, *keyed):
@@ -164,9 +179,9 @@ def scenario():
         assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
     scene.rle_splat.quality, scene.frame_start, scene.frame_end, scene.frame_step = "fine", 1, TURN, STEP
     scene.view_settings.view_transform, render.filepath = "Standard", os.path.join(os.environ[SHOTS], "head_")
-    scene.world = bpy.data.worlds.new("World")
-    scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (*DARK, 1.0)
-    render.engine, scene.cycles.samples = "CYCLES", SAMPLES
+    scene.world = bpy.data.worlds.new("World")  # as in a new file
+    scene.rle_splat.effect_overrides.shadows_on_meshes = "off"
+    render.engine, scene.cycles.samples, scene.cycles.use_denoising = "CYCLES", SAMPLES, True
     render.resolution_x, render.resolution_y = 960, 720
     render.image_settings.media_type = "MULTI_LAYER_IMAGE"
     ended, began = [], time.perf_counter()

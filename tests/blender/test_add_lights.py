@@ -18,7 +18,7 @@ LIGHTS = {
     "THREE": {"Key": "AREA", "Fill": "AREA", "Rim": "AREA"},
     "BONE": {"Sun": "SUN", "Rim": "AREA"},
     "SOFT": {"Key": "AREA", "Fill": "AREA"},
-    "SKIN": {"Key": "AREA", "Rim": "AREA"},
+    "SKIN": {"Key": "AREA", "Fill": "AREA", "Rim": "AREA"},
     "SMOKE": {"Warm Sun": "SUN", "Cold Sun": "SUN"},
     "SPECIMEN": {"Sun": "SUN", "Rim": "AREA"},
 }
@@ -125,7 +125,7 @@ def test_sizes_and_watts_grow_with_the_volume_and_suns_stay(owner, factor):
     assert (key.energy, key.size, key.use_shadow) == (pytest.approx(60.0 * side**2), pytest.approx(side), True)
     assert (fill.energy, fill.size, fill.use_shadow) == (pytest.approx(6.0 * side**2), pytest.approx(2 * side), False)
     rim = add("SKIN")["Rim"].data
-    assert (rim.energy, rim.size) == (pytest.approx(80.0 * side**2), pytest.approx(0.6 * side))
+    assert (rim.energy, rim.size) == (pytest.approx(60.0 * side**2), pytest.approx(0.7 * side))
     sun = add("BONE")["Sun"].data
     assert (sun.energy, sun.angle) == (pytest.approx(4.2), pytest.approx(0.05))
 
@@ -173,7 +173,7 @@ def test_settings_depend_on_the_kind_and_not_on_the_one_before(owner):
     before = settings_of(owner)
     add("SKIN")
     smoothness = 0.015 * SIDE  # less than the 3.5 mm of a head
-    assert settings_of(owner) == (True, 0.7, 0.5, round(smoothness, 3), 0.0, *before[5:])
+    assert settings_of(owner) == (True, 0.7, 0.5, round(smoothness, 3), 0.15, *before[5:])
     add("SMOKE")
     assert settings_of(owner) == (True, 0.0, 0.0, *before[3:5], True, 0.1, 1.0)
     add("BONE")

@@ -162,12 +162,15 @@ def test_the_menu_and_the_groups_list_own_presets(volume_object, own, bridge):
     assert [entry.name for entry in groups[1].entries] == ["Mine"]
 
 
-@pytest.mark.parametrize("modality, unit, heading, first, other", [
-    ("CT", "HU", "For CT", "ct-bone", "mr-head"), ("MR", "", "For MR", "mr-head", "ct-bone"),
+@pytest.mark.parametrize("facts, unit, heading, first, other", [
+    ("a\nModality: CT", "HU", "For CT", "ct-bone", "mr-head"),
+    ("a\nModality: MR", "", "For MR", "mr-head", "ct-bone"),
+    ("FLAIR.nrrd", "", "For MR", "mr-brain", "ct-bone"),
+    ("flair.nii\nModality: PT", "SUVbw", "For PET", "pet-hot", "mr-brain"),
 ])  # fmt: skip
-def test_presets_that_suit_the_modality_come_first(volume_object, own, bridge, modality, unit, heading, first, other):
+def test_presets_that_suit_the_modality_come_first(volume_object, own, bridge, facts, unit, heading, first, other):
     properties = volume_object.rle_splat
-    properties.facts, properties.value_unit = f"File: a\nModality: {modality}", unit
+    properties.facts, properties.value_unit = f"File: {facts}", unit
     suits, others = bridge("look.preset_entries").groups(properties)
     assert suits.label == heading and suits.is_open and not others.is_open
     assert first in [entry.name for entry in suits.entries] and other in [entry.name for entry in others.entries]

@@ -187,7 +187,14 @@ def test_the_caption_names_a_view_that_all_pictures_have(drawing, balls):
         (lambda bone: bone, "CT Bone."),
         (lambda bone: bone.remapped(bone.span[0] - 100.0, bone.span[1] - 100.0, "HU"), "CT Bone, shifted by −100 HU."),
         (lambda bone: bone.remapped(0.0, 900.0, "HU"), "CT Bone, mapped to 0 to 900 HU."),
-        (lambda bone: replace(bone, opacity=(*bone.opacity[:-1], (2000.0, 0.9))), "CT Bone, modified."),
+        (
+            lambda bone: replace(bone, opacity=(*bone.opacity[:-1], (2000.0, 0.9))),
+            "CT Bone, modified: opacity 0 at 270, 0.35 at 450, 0.75 at 900, 0.9 at 2000 HU.",
+        ),
+        (
+            lambda bone: replace(bone, opacity=tuple((500.0 + 50.0 * n, 0.1 + 0.1 * n) for n in range(7))),
+            "CT Bone, modified.",
+        ),
         (lambda bone: replace(bone, opacity_unit_distance=0.05), "CT Bone, opacity unit distance 0.05 mm."),
         (lambda bone: replace(bone, name="Mine", opacity_unit_distance=0.05), "Mine."),
     ],
