@@ -70,13 +70,13 @@ class RLE_SPLAT_OT_turntable(ExportHelper, bpy.types.Operator):
         name="Frames", description="Number of frames, from the scene's first frame on", default=120, min=1,
         soft_max=1000)  # fmt: skip
     angle: FloatProperty(
-        name="Angle", description="By how much the camera turns, in degrees; 360 or more repeats without a jump",
+        name="Angle (°)", description="By how much the camera turns; 360 or more repeats without a jump",
         default=360.0, soft_min=-360.0, soft_max=360.0)  # fmt: skip
     azimuth: FloatProperty(
-        name="Start Angle", description="Direction of the first frame, in degrees; 0 is in front of a patient",
+        name="Start Angle (°)", description="Direction of the first frame; 0 is in front of a patient",
         default=0.0, soft_min=-180.0, soft_max=180.0)  # fmt: skip
     elevation: FloatProperty(
-        name="Elevation", description="Height of the camera above the volume's middle, in degrees", default=10.0,
+        name="Elevation (°)", description="Height of the camera above the volume's middle, as an angle", default=10.0,
         min=-89.0, max=89.0)  # fmt: skip
     perspective: BoolProperty(
         name="Perspective", description="Use a perspective camera; else an orthographic one", default=True

@@ -8,8 +8,8 @@ from ..bridge.classes import classes_of
 from . import live_view, window_tool
 
 MODULES = [import_module(f".{name}", __name__) for name in (
-    "volume volume_menu preset_menu display presets transfer shading clip_objects slices labels channels picture "
-    "scan playback advanced diagnostics effects report accuracy about clip_gizmos"
+    "volume volume_menu preset_menu display presets transfer shading material clip_objects slices labels channels "
+    "picture scan playback advanced diagnostics effects report accuracy about clip_gizmos"
 ).split()]  # fmt: skip
 CLASSES = classes_of(MODULES)
 

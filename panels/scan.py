@@ -45,4 +45,4 @@ class RLE_SPLAT_PT_scan(ScanPanel, OfVolume, bpy.types.Panel):
 
 
 class RLE_SPLAT_PT_data_scan(ScanPanel, DataTab, bpy.types.Panel):
-    bl_order = 3
+    bl_order = 4

@@ -1,15 +1,13 @@
-"""The Lighting panel: what shines on the volume, the shadows of the scene, and the volume's material."""
+"""The Lighting panel: what shines on the volume, and the shadows of the scene."""
 
 import bpy
 
 from ..bridge.data import effects
-from ..bridge.data.automatic import draw_length
 from ..bridge.data.settings import is_pre_classified
 from ..bridge.scene import first_light, world_render
 from ..bridge.scene.lights import any_casts_shadows, is_any_lit
 from ..bridge.scene.world import state as world_state
 from ..bridge.volumes import encoded, volumes
-from ..rle_splat.shade.surface_normals import automatic_sigma
 from .places import OfVolume, paragraph
 
 
@@ -22,27 +20,12 @@ class RLE_SPLAT_PT_shading(OfVolume, bpy.types.Panel):
         layout = self.layout
         layout.use_property_split = True
         owner = volumes.volume_object(context)
-        properties = owner.rle_splat
-        settings = context.scene.rle_splat
-        is_encoded = encoded.is_of(owner)
-        if is_encoded:
+        if encoded.is_of(owner):
             paragraph(context, layout, encoded.STORED_VALUES, icon="INFO")
         else:
             layout.operator_menu_enum("rle_splat.add_lights", "kind", icon="LIGHT")
+            _draw_source(context, layout, owner.rle_splat)
         _draw_scene(context, layout)
-        if is_encoded:
-            return
-        layout.label(text="This Volume")
-        _draw_source(context, layout, properties)
-        layout.prop(properties, "use_shading")
-        column = layout.column()
-        column.enabled = properties.use_shading and not is_pre_classified(settings)
-        automatic = automatic_sigma(properties.found_spacing)
-        draw_length(column, properties, "smoothness", "use_automatic_smoothness", "Smoothness", automatic)
-        column = layout.column(align=True)
-        column.enabled = properties.use_shading
-        for name in ("ambient", "diffuse", "specular", "shininess", "highlight", "two_sided"):
-            column.prop(properties, name)
 
 
 def _draw_source(context, layout, properties) -> None:
