@@ -50,8 +50,7 @@ DESCENDING = 0.35  # of the picture's height: how far below the line to the fals
 ARTERY = "subclavian_artery_left"  # leaves the scan, and enters it again
 RINGS = "annulus_proper", "sinotubular_junction"  # thin ones, in a color of their own
 SAMPLES = 100  # turns of the window's loop
-# The slice's place in mm and its level and window in HU; a color.
-GROUND, VESSEL_WINDOW, TURQUOISE = 551.0, (150.0, 900.0), (0.03, 0.6, 0.5)
+GROUND, TURQUOISE = 551.0, (0.03, 0.6, 0.5)  # the slice's place in mm; a color
 
 
 def label(volume, text: str, place) -> None:
@@ -118,11 +117,9 @@ def tutorial_of_organs():
     with in_the_view():
         assert bpy.ops.rle_splat.add_slice(kind="AXIAL") == {"FINISHED"}
     bpy.context.view_layer.objects.active.rle_splat.slice_position = GROUND
-    ours.slices_follow_window = False
-    ours.slice_center, ours.slice_width = VESSEL_WINDOW
     activate(volume)
     yield from settled()
-    yield from keep("organs-3-slice", words=numbers((1, 991, 356), (2, 991, 408), (3, 991, 444)))
+    yield from keep("organs-3-slice", words=numbers((1, 991, 356), (2, 991, 408)))
     yield from fold(515, 325)  # Segments, Slices
     scene.world.color = DARK
     scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (*DARK, 1.0)

@@ -37,6 +37,7 @@ from tests.blender.user_steps import scroll_sidebar, settled
 from tests.blender.window_driver import SHOTS, area_of, drive, in_the_view, open_panels, passed, wait_for_rest
 
 REPORT = "975x695+280+82"
+DARK = (0.012, 0.016, 0.024, 1.0)  # of the world
 
 
 def lights():
@@ -144,13 +145,13 @@ def first_picture():
     yield from begin()
     scene = bpy.context.scene
     scene.world = bpy.data.worlds.new("World")
-    scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (0.0, 0.0, 0.0, 1.0)
+    scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = DARK
     scan = shutil.copy(DATA / BRAIN, Path(tempfile.mkdtemp()) / "FLAIR.nrrd")
     with in_the_view():
         assert bpy.ops.rle_splat.import_volume(filepath=str(scan)) == {"FINISHED"}
     scene.rle_splat.quality, scene.rle_splat.antialias = "fine", True
     view = area_of("VIEW_3D").spaces.active.region_3d
-    view.view_rotation = Euler((1.25, 0.0, 1.15)).to_quaternion()
+    view.view_rotation = Euler((1.4, 0.0, 1.05)).to_quaternion()
     view.view_distance *= 0.6
     yield from settled()
     yield from wait_for_rest()  # with the pictures of presets
@@ -161,7 +162,7 @@ def first_picture():
     scene.collection.objects.link(camera)
     scene.camera, camera.matrix_world = camera, view.view_matrix.inverted()
     with in_the_view():
-        assert bpy.ops.rle_splat.add_lights(kind="SOFT") == {"FINISHED"}
+        assert bpy.ops.rle_splat.add_lights(kind="THREE") == {"FINISHED"}
         assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
         assert bpy.ops.rle_splat.add_letters() == {"FINISHED"}
     scene.view_settings.view_transform, path = "Standard", Path(os.environ[SHOTS]) / "readme-first.png"

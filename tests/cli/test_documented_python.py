@@ -31,8 +31,8 @@ def test_the_example_of_the_readme_runs(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     names = {}
     exec(compile(python_of(ROOT / "README.md"), "README.md", "exec"), names)
-    assert 0.02 < (names["rendering"].rgba[..., 3] > 0.5).mean() < 0.5 and "flair" in names["remark"]
-    assert min((tmp_path / name).stat().st_size for name in ("soft.png", "brain.svg")) > 10_000
+    assert 0.02 < (names["rendering"].rgba[..., 3] > 0.5).mean() < 0.5 and "flair" in names["why"]
+    assert min((tmp_path / name).stat().st_size for name in ("brain.png", "brain.svg")) > 10_000
 
 
 @pytest.mark.slow  # it compiles the kernels of all qualities under a sun
