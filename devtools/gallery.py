@@ -39,7 +39,7 @@ SHOTS = {
         "a brain under two HDRIs; a skull before a backdrop, and cut out with its shadow", (480, 420), 64, finer=2
     ),
     "shadows": Shot("the shadow of a foot by Cycles and by EEVEE", (480, 540), 48),
-    "meshes": Shot("a brain among meshes, and behind glass", (960, 640), 64),
+    "meshes": Shot("a brain among meshes", (960, 640), 64),
     "baked": Shot("a brain by RLE Splat, and baked to Cycles' own volume", (320, 320), 128),
 }
 

@@ -86,7 +86,7 @@ def meshes(stage: Stage):
     rod("Needle", at(*(LESION - 0.04 * along)), at(*(LESION + 0.42 * along)), 0.005 * size, brass)
     rod("Guide", at(*(LESION + 0.2 * along)), at(*(LESION + 0.3 * along)), 0.022 * size, brass)
     toward = (-0.95, -2.15, 0.8)
-    stage.camera(toward, lens=50.0, aim=(0.0, 0.0, -0.12))
+    stage.camera(toward, lens=44.0, aim=(0.0, 0.0, -0.19))
     stage.sweep(toward, ground, (0.08, 0.084, 0.092)).visible_shadow = False
     stage.lamp("Key", "SUN", 3.0, (-1.0, -0.6, 1.5), WARM, angle=math.radians(3.0))
     stage.area("Rim", 40.0, (1.4, 1.2, 0.9), COLD)

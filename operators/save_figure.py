@@ -8,6 +8,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, StringProperty
 
 from ..bridge.data.decimals import typed
 from ..bridge.data.settings import quality_of, tolerance_of
+from ..bridge.live.slices import slice_objects
 from ..bridge.loop.jobs import StepwiseOperator
 from ..bridge.pictures import figure
 from ..bridge.render.output_settings import free_path
@@ -29,8 +30,8 @@ class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
     bl_idname = "rle_splat.save_figure"
     bl_label = "Save Figure"
     bl_description = (
-        "Save the volume as a figure for print with scale bar, color bar, letters and caption (.svg, .png or .exr), "
-        "and a file beside it from which the same figure can be made again"
+        "Save the volume, without meshes and slices, as a figure for print with scale bar, color bar, letters and "
+        "caption (.svg, .png or .exr), and a file beside it from which the same figure can be made again"
     )
 
     filepath: StringProperty(
@@ -101,6 +102,8 @@ class RLE_SPLAT_OT_save_figure(StepwiseOperator, bpy.types.Operator):
         layout = self.layout
         layout.use_property_split = True
         layout.use_property_decorate = False
+        if slice_objects(context.scene):
+            layout.label(text="Slices are not in figures", icon="INFO")
         for name in ("view", "width_cm", "dpi", "font_size", "background", "sides"):
             layout.prop(self, name)
         layout.prop(self, "scale_bar")

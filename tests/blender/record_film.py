@@ -36,11 +36,11 @@ GRADES = (  # caption, view transform, look; the last is graded
     ("Graded, AgX, High Contrast", "AgX", "AgX - High Contrast"),
 )
 LIFT, GAIN = (0.99, 1.0, 1.015, 1.0), (1.12, 1.0, 0.88, 1.0)  # bluish shadows, warm lights
-SAMPLES = 16  # of Cycles, which renders the faces of the cut and the wall alone, and denoises them
+SAMPLES = 64  # of Cycles, which renders the faces of the cut and the wall alone, and denoises them
 
 
 def turn_and_cut(scene, volume):
-    """Steps 2 and 3 of the tutorial."""
+    """Section 2 of the tutorial."""
     curves_of = module("bridge.render.camera_path").curves_of
     with in_the_view():
         assert bpy.ops.rle_splat.turntable(
@@ -50,9 +50,6 @@ def turn_and_cut(scene, volume):
         scene.frame_set(1)
         pivot = scene.camera.parent
         pivot.keyframe_insert("rotation_euler", index=2, frame=LAST)
-        activate(volume)
-        assert bpy.ops.rle_splat.add_lights(kind="SKIN") == {"FINISHED"}
-        add_background(scene)
         bpy.ops.view3d.view_axis(type="RIGHT")  # of Blender: the patient's left
     yield from settled()
     with in_the_view():
@@ -74,8 +71,12 @@ def turn_and_cut(scene, volume):
     yield from photograph_keys(scene, pivot, plane)
 
 
-def add_background(scene):
-    """A wall behind the head that turns with the camera, and a spot light on it."""
+def light(scene, volume):
+    """Section 3 of the tutorial: lights, a wall behind the head that turns with the camera, and a spot light on it."""
+    scene.frame_set(1)
+    activate(volume)
+    with in_the_view():
+        assert bpy.ops.rle_splat.add_lights(kind="SKIN") == {"FINISHED"}
     bpy.ops.mesh.primitive_plane_add()
     wall = bpy.context.view_layer.objects.active
     wall.parent, wall.location, wall.scale = scene.camera, WALL, (2.0, 2.0, 1.0)
@@ -175,6 +176,7 @@ def scenario():
     view = bpy.context.preferences.view
     view.smooth_view, view.render_display_type = 0, "NONE"
     yield from turn_and_cut(scene, volume)
+    light(scene, volume)
     with in_the_view():
         assert bpy.ops.rle_splat.show_in_renders() == {"FINISHED"}
     scene.rle_splat.quality, scene.frame_start, scene.frame_end, scene.frame_step = "fine", 1, TURN, STEP

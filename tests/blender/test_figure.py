@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from mathutils import Matrix
 
-from tests.blender import scenes
+from tests.blender import layout_recorder, scenes
 
 BALL = scenes.ball()
 SMALL = dict(width_cm=2.0, dpi=60.0, font_size=4.0)
@@ -24,6 +24,13 @@ def ball(addon, tmp_path):
 def texts_of(path) -> list[str]:
     root = ElementTree.fromstring(path.read_bytes())
     return [text.text for text in root.iter("{http://www.w3.org/2000/svg}text")]
+
+
+def texts_of_dialog() -> list[str]:
+    cls = next(one for one in layout_recorder.subclasses(bpy.types.Operator) if one.__name__.endswith("_save_figure"))
+    log = []
+    cls.draw(layout_recorder.Drawn(cls, log, layout_recorder.operator_properties(cls.bl_idname)), bpy.context)
+    return [text for kind, text in log if kind == "text"]
 
 
 def save(path, **options):
@@ -42,6 +49,12 @@ def test_a_figure_is_made_again_without_blender_bit_for_bit(ball, core, tmp_path
     again = tmp_path / "again.svg"
     assert core("cli.main").main(["figure", str(tmp_path / "fig.figure.json"), "-o", str(again)]) == 0
     assert again.read_bytes() == path.read_bytes()
+
+
+def test_the_dialog_says_that_slices_are_left_out(ball):
+    assert "Slices are not in figures" not in texts_of_dialog()
+    assert bpy.ops.rle_splat.add_slice(kind="AXIAL") == {"FINISHED"}
+    assert "Slices are not in figures" in texts_of_dialog()
 
 
 def test_pictures_and_linear_files(ball, core, tmp_path):
