@@ -58,8 +58,9 @@ class LabelProperties(bpy.types.PropertyGroup):
     label_name: StringProperty(name="Name", description="Name of the segment")
     show: BoolProperty(name="Show", description="Show the voxels of this segment", default=True, update=evaluate_anew)
     use_color: BoolProperty(
-        name="One Color", description="Show all of this segment in the color beside its name, with the opacities of "
-        "its Transfer Function. If off, values have the colors of its Transfer Function, or with Solid of the volume",
+        name="One Color", description="Show this segment in the color beside its name, with the opacities of its "
+        "Transfer Function. If off, its values have the colors of its Transfer Function, and with Solid those of the "
+        "volume",
         default=False, update=evaluate_anew)  # fmt: skip
     color: FloatVectorProperty(
         name="Color", description="Color of the segment", subtype="COLOR", size=3, min=0.0, max=1.0,
@@ -72,8 +73,8 @@ class LabelProperties(bpy.types.PropertyGroup):
         name="Opacity", description="Multiply the opacity of this segment", default=1.0, min=0.0, max=1.0,
         subtype="FACTOR", update=evaluate_anew)  # fmt: skip
     shown_color: FloatVectorProperty(
-        name="Segment Color", description="Color of the segment. Choosing one turns on One Color, and replaces the "
-        "transfer function Same as Volume by Solid, so that all voxels of the segment have this color and one opacity",
+        name="Segment Color", description="Color of the segment. Choosing one turns on One Color. A segment that is "
+        "Same as Volume becomes Solid, so that it shows also where the volume is transparent",
         subtype="COLOR", size=3, min=0.0, max=1.0, get=lambda row: tuple(row.color), set=_give_color)  # fmt: skip
 
     def plain(self) -> LabelStyle:
