@@ -195,7 +195,7 @@ def pet(stage: Stage):
         rod("Neck", begin, end, 1.2 * MM, black)
     scale_bar("100 mm", to(-240, -435), 100 * MM, 28 * MM, black)
     scale_bar("30 mm", to(NEAR.x - width + 62, NEAR.z - height - 60), LARGER * 30 * MM, 28 * MM, black)
-    letters("Coronal slab, 20 mm", to(NEAR.x + width - 115, NEAR.z - height - 40), 28 * MM, black)
+    letters("Coronal MIP, 20 mm", to(NEAR.x + width - 115, NEAR.z - height - 40), 28 * MM, black)
     _color_bar(to(NEAR.x, -405), 420 * MM, 30 * MM, 28 * MM, black)
     for (_, name, _, (x, y), (end_x, end_y)), coat in zip(TUMORS, coats):
         x, y, end_x, end_y = x + NEAR.x, y + NEAR.z, end_x + NEAR.x, end_y + NEAR.z
