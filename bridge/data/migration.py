@@ -11,7 +11,7 @@ from bpy.app.handlers import persistent
 from ...rle_splat.classify.transfer_function import BLINN_PER_PHONG
 from ...rle_splat.scene import without_removed
 from .. import messages
-from ..look import transfer, transfer_nodes
+from ..look import transfer_nodes
 from ..pictures import images, pictures
 from ..render import compositor
 from ..volumes import volumes
@@ -54,20 +54,12 @@ def _give_to_volumes(scene) -> None:
 
 
 def _replace_highlights() -> None:
-    """Give volumes whose highlights were Phong's the shininess that ``transfer.shininess_factor`` says."""
-    curves = {}  # each once, whatever uses its action
-    for one in [one for one in bpy.data.objects if one.library is None and one.override_library is None]:
-        own = one.rle_splat
-        factor = transfer.shininess_factor(own)
-        if factor == 1.0:
-            continue
-        del own["highlight"]
-        own.shininess *= factor
-        curves |= {curve.as_pointer(): curve for curve in curves_of(one) if curve.data_path == "rle_splat.shininess"}
-    for curve in curves.values():
-        for key in curve.keyframe_points:
-            for point in (key.co, key.handle_left, key.handle_right):
-                point.y *= BLINN_PER_PHONG
+    """Give volumes whose highlights were Phong's, the number 1, the shininess of Blinn-Phong highlights."""
+    for own in (one.rle_splat for one in bpy.data.objects if one.library is None and one.override_library is None):
+        if own.get("highlight") == 1:
+            own.shininess *= BLINN_PER_PHONG
+        if "highlight" in own:
+            del own["highlight"]
 
 
 @persistent

@@ -5,7 +5,7 @@ Moving the window moves all points, like window and level on a scanner's console
 group, as copies share a material, but has its own window.
 """
 
-from ...rle_splat.classify.transfer_function import BLINN_PER_PHONG, RAMP, GradientOpacity, Shade, TransferFunction
+from ...rle_splat.classify.transfer_function import RAMP, GradientOpacity, Shade, TransferFunction
 from ...rle_splat.scene import MODES, RleSplatError
 from ...rle_splat.scene.color import decode_srgb
 from .. import linked
@@ -60,9 +60,8 @@ def write_transfer(volume_object, transfer_function: TransferFunction, window=No
     properties.opacity_scale = 1.0
     properties.use_shading = transfer_function.shade is not None
     if transfer_function.shade is not None:
-        for name in ("ambient", "diffuse", "specular", "two_sided"):
+        for name in ("ambient", "diffuse", "specular", "shininess", "two_sided"):
             setattr(properties, name, getattr(transfer_function.shade, name))
-        properties.shininess = transfer_function.shade.shininess / shininess_factor(properties)
         smoothness = transfer_function.shade.smoothness
         properties.smoothness = AUTOMATIC if smoothness is None else smoothness
     steep = transfer_function.gradient_opacity
@@ -75,15 +74,6 @@ def write_transfer(volume_object, transfer_function: TransferFunction, window=No
         return (f"The transfer function has {len(color)} colors, but a color ramp in Blender holds {nodes.MOST_STOPS}; "
                 f"the {nodes.MOST_STOPS} that keep it closest to the original were stored.")  # fmt: skip
     return ""
-
-
-def shininess_factor(properties) -> float:
-    """What the shininess of a volume is multiplied by: not 1 where a file of an earlier version had Phong's highlights.
-
-    These files have the number 1 as ``highlight``.  Migration takes it out, but not of linked volumes and of overrides,
-    to which it would come back each time.
-    """
-    return BLINN_PER_PHONG if properties.get("highlight") == 1 else 1.0
 
 
 def why_unusable(volume_object) -> str:
@@ -131,10 +121,9 @@ def read_transfer(volume_object, depsgraph=None) -> TransferFunction:
     color = zip(rounded_to_span([low + one * width for one in at], width), *channels)
     shade = None
     if properties.use_shading:
-        numbers = typed_tuple(getattr(properties, name) for name in ("ambient", "diffuse", "specular"))
-        shininess = typed(properties.shininess) * shininess_factor(properties)
+        numbers = typed_tuple(getattr(properties, n) for n in ("ambient", "diffuse", "specular", "shininess"))
         smoothness = typed(properties.smoothness)
-        shade = Shade(*numbers, shininess, properties.two_sided, None if smoothness < 0.0 else smoothness)
+        shade = Shade(*numbers, properties.two_sided, None if smoothness < 0.0 else smoothness)
     steep = None
     if properties.use_gradient_opacity:
         curve = nodes.gradient_mapping(steep_of)
