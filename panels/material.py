@@ -27,7 +27,7 @@ class MaterialPanel:
         draw_length(column, properties, "smoothness", "use_automatic_smoothness", "Smoothness", automatic)
         column = layout.column(align=True)
         column.enabled = properties.use_shading
-        for name in ("ambient", "diffuse", "specular", "shininess", "highlight", "two_sided"):
+        for name in ("ambient", "diffuse", "specular", "shininess", "two_sided"):
             column.prop(properties, name)
 
 

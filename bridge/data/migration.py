@@ -2,12 +2,13 @@
 
 Version 0.1.0 found pictures by name: rows and owners are added that its files lack.  Values of the knobs that were
 removed are replaced, and settings that were removed are taken out.  Gradient opacities get their curve.  Mode and
-lighting were a scene's, and are now each volume's own.
+lighting were a scene's, and are now each volume's own.  Highlights are Blinn-Phong's, also where they were Phong's.
 """
 
 import bpy
 from bpy.app.handlers import persistent
 
+from ...rle_splat.classify.transfer_function import BLINN_PER_PHONG
 from ...rle_splat.scene import without_removed
 from .. import messages
 from ..look import transfer_nodes
@@ -52,10 +53,20 @@ def _give_to_volumes(scene) -> None:
                                "these keyframes there.")  # fmt: skip
 
 
+def _replace_highlights() -> None:
+    """Give volumes whose highlights were Phong's, the number 1, the shininess of Blinn-Phong highlights."""
+    for own in (one.rle_splat for one in bpy.data.objects if one.library is None and one.override_library is None):
+        if own.get("highlight") == 1:
+            own.shininess *= BLINN_PER_PHONG
+        if "highlight" in own:
+            del own["highlight"]
+
+
 @persistent
 def _replace_removed(*_):
     """Replace removed values of the knobs by those that are used instead, take out removed settings, and give volumes
     what was their scene's."""
+    _replace_highlights()
     for tree in [tree for tree in bpy.data.node_groups if tree.library is None]:
         if transfer_nodes.is_transfer_tree(tree):
             transfer_nodes.add_gradient_node(tree)

@@ -325,11 +325,6 @@ class VolumeProperties(Playback, SourceOptions, bpy.types.PropertyGroup):
     shininess: LiveFloat(
         name="Shininess", default=20.0, min=1.0, soft_max=100.0,
         description="Sharpness of the highlights, the opposite of roughness: about 10 looks matte, 60 wet")  # fmt: skip
-    highlight: LiveEnum(
-        name="Highlights", description="Shape of the highlights", default="BLINN_PHONG",
-        items=(("BLINN_PHONG", "Blinn-Phong", "Large highlights, which stretch where light grazes a surface, as on "
-                "real materials"),
-               ("PHONG", "Phong", "Smaller and rounder highlights with the same Shininess")))  # fmt: skip
     smoothness: LiveFloat(
         name="Smoothness", default=-1.0, min=-1.0, soft_max=10.0, precision=2,
         description="How far, in mm, surfaces are smoothed for light (standard deviation of a Gaussian). Removes the "

@@ -62,7 +62,6 @@ def write_transfer(volume_object, transfer_function: TransferFunction, window=No
     if transfer_function.shade is not None:
         for name in ("ambient", "diffuse", "specular", "shininess", "two_sided"):
             setattr(properties, name, getattr(transfer_function.shade, name))
-        properties.highlight = _ITEM_OF_HIGHLIGHT[transfer_function.shade.highlight]
         smoothness = transfer_function.shade.smoothness
         properties.smoothness = AUTOMATIC if smoothness is None else smoothness
     steep = transfer_function.gradient_opacity
@@ -123,9 +122,8 @@ def read_transfer(volume_object, depsgraph=None) -> TransferFunction:
     shade = None
     if properties.use_shading:
         numbers = typed_tuple(getattr(properties, n) for n in ("ambient", "diffuse", "specular", "shininess"))
-        highlight = next(name for name, item in _ITEM_OF_HIGHLIGHT.items() if item == properties.highlight)
         smoothness = typed(properties.smoothness)
-        shade = Shade(*numbers, highlight, properties.two_sided, None if smoothness < 0.0 else smoothness)
+        shade = Shade(*numbers, properties.two_sided, None if smoothness < 0.0 else smoothness)
     steep = None
     if properties.use_gradient_opacity:
         curve = nodes.gradient_mapping(steep_of)
@@ -244,7 +242,6 @@ def own_tree(volume_object) -> None:
 
 
 AUTOMATIC = -1.0  # smoothness
-_ITEM_OF_HIGHLIGHT = {"blinn-phong": "BLINN_PHONG", "phong": "PHONG"}
 KEYED = (
     "window_center", "window_width", "opacity_scale", "opacity_unit_distance", "ambient", "diffuse", "specular",
     "shininess", "smoothness", "gradient_low", "gradient_high",

@@ -263,11 +263,7 @@ class PostLight:
             light = light + (1.0 - q) * shade.diffuse * (w * wrap(facing) + (1.0 - w)) * strength
             if shade.specular == 0.0:
                 continue
-            if shade.highlight == "phong":
-                peak = _dot(2.0 * facing * normal - towards, to_eye)
-            else:
-                peak = _dot(normal, unit(towards + to_eye))
-            peak = np.maximum(peak, 0.0) ** shade.shininess
+            peak = np.maximum(_dot(normal, unit(towards + to_eye)), 0.0) ** shade.shininess
             highlight = highlight + shade.specular * w * smoothstep(0.0, RAMP, facing) * peak * strength
         return light, highlight
 

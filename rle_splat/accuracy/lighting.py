@@ -57,9 +57,8 @@ class ReferenceLight:
     Arguments called ``indices`` are index arrays (z, y, x) that broadcast to any shape.
 
     light = ambient + diffuse world + sum diffuse |n.l| I and highlight = sum specular |n.h|^shininess I over the
-    lights; 1 and 0 where there is no normal.  For Phong's highlight, |n.h| is replaced by the cosine between the eye
-    and the direction of the light mirrored at the surface.  With one-sided shading a light counts where the surface
-    faces it; the scalar falls towards the outside of a surface.  The world counts on that side alone.
+    lights; 1 and 0 where there is no normal.  With one-sided shading a light counts where the surface faces it; the
+    scalar falls towards the outside of a surface.  The world counts on that side alone.
     """
 
     def __init__(self, scene: Scene):
@@ -94,11 +93,7 @@ class ReferenceLight:
             if not shade.two_sided:
                 strength = np.where(outward > 0.0, strength, 0.0)
             light += shade.diffuse * np.abs(outward) * strength
-            if shade.highlight == "phong":
-                mirrored = (-2.0 * outward) * normal - towards  # twice the part along the normal, less the whole
-                facing = np.clip((mirrored * to_eye).sum(axis=1, keepdims=True), 0.0, None)
-            else:
-                facing = np.abs((normal * unit(towards + to_eye)).sum(axis=1, keepdims=True))
+            facing = np.abs((normal * unit(towards + to_eye)).sum(axis=1, keepdims=True))
             highlight += shade.specular * facing**shade.shininess * strength
         flat = ~normal.any(axis=1)
         light[flat], highlight[flat] = 1.0, 0.0

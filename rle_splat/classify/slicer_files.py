@@ -9,7 +9,7 @@ vtkMRMLVolumePropertyJsonStorageNode, volume-property-schema-v1.0.0) and VTK's (
   gradient opacity, colors.
 - An opacity is per ``scalarOpacityUnitDistance``, 1 mm unless a ``.vp.json`` says otherwise.  That is our opacity unit
   distance.
-- Shading is Phong's, of both sides.  Colors are those of a display.
+- Shading is Phong's, of both sides; its highlights become those of Blinn-Phong.  Colors are those of a display.
 - A sample's opacity is multiplied by the gradient opacity.  For short steps that multiplies the extinction, as ours
   does.  VTK measures the gradient per mean voxel spacing, we per unit of length.
 """
@@ -20,7 +20,7 @@ import numpy as np
 
 from ..scene import RleSplatError
 from .foreign import FileFunction, display_color, number, scene_linear_points
-from .transfer_function import GradientOpacity, Shade, TransferFunction
+from .transfer_function import GradientOpacity, Shade, TransferFunction, blinn_shininess
 
 ELEMENT = "VolumeProperty"
 DISTANCE = 1.0  # scalarOpacityUnitDistance where a file does not say it
@@ -128,7 +128,7 @@ def _build(name: str, what: str, curves: dict, lighting: dict | None, distance: 
         shade = None
         if lighting is not None:
             ambient, diffuse, specular, power = (lighting[key] for key in LIGHTING)
-            shade = Shade(ambient, diffuse, specular, power, "phong", True)
+            shade = Shade(ambient, diffuse, specular, blinn_shininess(power))
         function = TransferFunction(
             name, None, tuple(curves["scalarOpacity"]), tuple(scene_linear_points(colors)), distance, shade, steep
         )

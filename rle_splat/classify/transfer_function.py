@@ -16,7 +16,6 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cached_property, partial
 from pathlib import Path
 from reprlib import repr as short
-from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -38,8 +37,6 @@ def _number(value, what: str) -> float:
     return number
 
 
-Highlight = Literal["blinn-phong", "phong"]
-HIGHLIGHTS = get_args(Highlight)
 SMOOTHEST = 100.0  # mm
 
 
@@ -54,8 +51,6 @@ class Shade:
     ----------
     ambient, diffuse, specular, shininess : float
         None below zero.
-    highlight : {"blinn-phong", "phong"}
-        "phong" uses r.v, with the mirrored light direction r and the view direction v, in place of |n.h|.
     two_sided : bool
         If False, only the side toward falling values is lit: there is no light where n.l is below zero.
     smoothness : float or None
@@ -72,15 +67,10 @@ class Shade:
     diffuse: float = 0.75
     specular: float = 0.2
     shininess: float = 20.0
-    highlight: Highlight = "blinn-phong"
     two_sided: bool = True
     smoothness: float | None = None
 
     def __post_init__(self):
-        if self.highlight not in HIGHLIGHTS:
-            raise RleSplatError(
-                f"The shading's highlight must be one of {', '.join(HIGHLIGHTS)}, not {short(self.highlight)}."
-            )
         if not isinstance(self.two_sided, bool):
             raise RleSplatError(f"The shading's two_sided must be true or false, not {short(self.two_sided)}.")
         if self.smoothness is not None:
@@ -105,6 +95,28 @@ class Shade:
         if self.smoothness is None:
             del mapping["smoothness"]
         return mapping
+
+
+# Phong's highlight is (r.v)^n, with the light's mirrored direction r and the direction v to the eye.  The direction h
+# half-way between light and eye is half as far from the normal as r is from v, and near the highlight's middle cos(a)^n
+# and cos(a / 2)^(4 n) are both nearly exp(-n a^2 / 2): F. Fisher and A. Woo, R.E versus N.H specular highlights,
+# Graphics Gems IV, 1994.
+BLINN_PER_PHONG = 4.0
+
+
+def blinn_shininess(phong: float) -> float:
+    """The shininess of Shade whose highlight is nearly Phong's, of files of 3D Slicer and of earlier versions."""
+    return min(BLINN_PER_PHONG * phong, LARGEST_VALUE)
+
+
+def _read_shade(mapping) -> Shade:
+    """The Shade of a JSON object; earlier versions wrote a ``highlight``, "phong" or "blinn-phong", too."""
+    if isinstance(mapping, dict) and mapping.get("highlight") in ("phong", "blinn-phong"):
+        mapping = dict(mapping)
+        if mapping.pop("highlight") == "phong":
+            shininess = _number(mapping.get("shininess", Shade.shininess), "The shading's shininess")
+            mapping["shininess"] = blinn_shininess(shininess)
+    return from_mapping(Shade, mapping, "The transfer function's shade")
 
 
 @dataclass(frozen=True)
@@ -363,7 +375,7 @@ class TransferFunction:
         if shade is False or shade is None:
             mapping["shade"] = None
         else:
-            mapping["shade"] = from_mapping(Shade, shade, "The transfer function's shade")
+            mapping["shade"] = _read_shade(shade)
         if mapping.get("gradient_opacity") is not None:
             what = "The transfer function's gradient_opacity"
             mapping["gradient_opacity"] = from_mapping(GradientOpacity, mapping["gradient_opacity"], what)

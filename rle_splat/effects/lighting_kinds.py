@@ -91,8 +91,7 @@ def _specular(scene: Scene, _: Quality) -> tuple[bool, str]:
     shade = scene.transfer_function.shade
     if shade.specular == 0.0:
         return False, "specular 0"
-    kind = ", by Phong" if shade.highlight == "phong" else ""
-    return True, f"specular {shade.specular:g}, shininess {shade.shininess:g}{kind}"
+    return True, f"specular {shade.specular:g}, shininess {shade.shininess:g}"
 
 
 def _without_specular(scene: Scene) -> Scene:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..runtime.jit import inner_loop, read_only
 from ..shade.environment import SKY, TERMS
-from ..shade.lighting import BACK, PHONG, unit_vectors
+from ..shade.lighting import BACK, unit_vectors
 from ..shade.lights import AREA, AXIS, CONE, EDGE, KIND, NEAREST, POSITION, RGB, SPOT, SUN
 from ..shade.sample_light import ALMOST_NONE, NORMAL, RAMP, ROUNDING, SPREAD, TRUSTED, TURNED, SampleLight
 from ..shade.surface_points import smoothstep
@@ -104,7 +104,9 @@ def light_at(light, planes, ray, s):
         green += matt * lamps[lamp, RGB + 1]
         blue += matt * lamps[lamp, RGB + 2]
         if material[SPECULAR] > 0.0 and facing > 0.0:
-            cosine = _mirror(material, facing, nx, ny, nz, lx, ly, lz, ex, ey, ez)
+            hx, hy, hz = lx + ex, ly + ey, lz + ez
+            squared = hx * hx + hy * hy + hz * hz
+            cosine = (nx * hx + ny * hy + nz * hz) / math.sqrt(squared) if squared > 0.0 else 0.0
             ramp = smoothstep(facing / RAMP)
             gloss = material[SPECULAR] * surface * ramp * max(cosine, 0.0) ** material[SHININESS] * arrives
             red_shine += gloss * lamps[lamp, RGB]
@@ -139,14 +141,3 @@ def _towards(lamps, lamp, px, py, pz):
     elif lamps[lamp, KIND] == SPOT:
         falloff *= smoothstep((off_axis - lamps[lamp, CONE]) / lamps[lamp, EDGE])
     return x, y, z, falloff
-
-
-@inner_loop
-def _mirror(material, facing, nx, ny, nz, lx, ly, lz, ex, ey, ez):
-    """The cosine of which a highlight is a power, by Phong or by Blinn."""
-    if material[PHONG] > 0.0:
-        seen, straight = nx * ex + ny * ey + nz * ez, lx * ex + ly * ey + lz * ez
-        return 2.0 * facing * seen - straight
-    hx, hy, hz = lx + ex, ly + ey, lz + ez
-    squared = hx * hx + hy * hy + hz * hz
-    return (nx * hx + ny * hy + nz * hz) / math.sqrt(squared) if squared > 0.0 else 0.0

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..runtime.jit import inner_loop, kernel
 from .environment import SKY, TERMS
-from .lighting import BACK, FULL_CODE, PHONG
+from .lighting import BACK, FULL_CODE
 from .lights import AREA, AXIS, CONE, EDGE, KIND, NEAREST, POSITION, RGB, SPOT, SUN
 
 # Voxels shaded together: the scratch arrays stay in the L1 cache, and loops are long enough for SIMD.
@@ -21,7 +21,7 @@ LX, LY, LZ, VX, VY, VZ, COS, POWER, FALLOFF, DR, DG, DB, SR, SG, SB, SHARE, ALL 
 SCRATCH = 17 * LANES
 PX, PY, PZ = (LANES * plane for plane in range(3))  # planes of the float64 scratch: world position
 POSITIONS = 3 * LANES
-_ZERO, _ONE, _TWO = np.float32(0.0), np.float32(1.0), np.float32(2.0)
+_ZERO, _ONE = np.float32(0.0), np.float32(1.0)
 _PER_CODE = np.float32(1.0 / FULL_CODE)
 _FAINT = np.float32(1e-18)  # the product of two such numbers is not denormal
 
@@ -267,12 +267,6 @@ def _add_light(light, normals, material, count, s):
         facing = normals[0, i] * hx + normals[1, i] * hy + normals[2, i] * hz
         length = np.sqrt(hx * hx + hy * hy + hz * hz)
         s[COS + i] = _divide_exactly(abs(facing), length) if length > _ZERO else _ZERO
-    if material[PHONG] > 0.0:
-        for i in range(count):
-            facing = normals[0, i] * s[LX + i] + normals[1, i] * s[LY + i] + normals[2, i] * s[LZ + i]
-            seen = normals[0, i] * s[VX + i] + normals[1, i] * s[VY + i] + normals[2, i] * s[VZ + i]
-            straight = s[LX + i] * s[VX + i] + s[LY + i] * s[VY + i] + s[LZ + i] * s[VZ + i]
-            s[COS + i] = max(_TWO * facing * seen - straight, _ZERO)
     if back == _ZERO:
         for i in range(count):
             facing = normals[0, i] * s[LX + i] + normals[1, i] * s[LY + i] + normals[2, i] * s[LZ + i]

@@ -21,7 +21,7 @@ import numpy as np
 
 from ..scene import Environment
 
-SKY, TERMS = 9, 9  # first of the terms in ``Lighting.material``, and how many there are for a channel
+SKY, TERMS = 8, 9  # first of the terms in ``Lighting.material``, and how many there are for a channel
 # Components of the normal that a term multiplies; see ``terms_of``.
 LINEAR = ((0,), (1,), (2,))
 PRODUCTS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))

@@ -13,7 +13,7 @@ from ..volume.triples import unit
 from .environment import SKY, most_by_normal, terms_of
 from .lights import AXIS, KIND, NEAREST, RGB, SUN, light_rows
 
-BACK, PHONG = 7, 8  # entries of Lighting.material
+BACK = 7  # entry of Lighting.material
 SHARPEST = 1e9  # shininess is clamped to it: the highlight has no width, and the integer part must fit an integer
 FULL_CODE = 65535  # code of full light in Shadows.codes
 
@@ -47,11 +47,10 @@ class Lighting:
     ----------
     matrix : (4, 4) ndarray of float64
         Voxel index to world.
-    material : (9,) or (36,) ndarray of float64
+    material : (8,) or (35,) ndarray of float64
         Ambient, diffuse, specular, shininess; RGB of the light from all directions (ambient and the world's mean); 1
-        for two-sided surfaces, else 0; 1 for Phong highlights, 0 for Blinn-Phong. Where the world differs by
-        direction, from SKY on what each channel's light changes by with the normal: diffuse times
-        ``environment.terms_of``.
+        for two-sided surfaces, else 0. Where the world differs by direction, from SKY on what each channel's light
+        changes by with the normal: diffuse times ``environment.terms_of``.
     rows : (n, COLUMNS) ndarray of float64
         The lights; see ``lights.light_rows``.
     eye : (4,) ndarray of float64
@@ -90,9 +89,9 @@ class Lighting:
     def is_far(self) -> bool:
         """Whether light does not depend on a voxel's position or number.
 
-        True for parallel light without shadows, if highlights are Blinn-Phong under parallel rays, or there are none.
+        True for parallel light without shadows, if highlights are seen along parallel rays, or there are none.
         """
-        if self.shadows is not None or self.material[PHONG] > 0.0:
+        if self.shadows is not None:
             return False
         sees_highlights = self.material[2] > 0.0 and self.eye[3] != 0.0
         return self.is_parallel and not sees_highlights
@@ -160,9 +159,8 @@ def lighting(
         everywhere = shading.ambient + shading.diffuse * np.minimum(mean, STRONGEST_LIGHT)
         held = np.divide(STRONGEST_LIGHT, mean, out=np.ones(3), where=mean > STRONGEST_LIGHT)
         sky = (shading.diffuse * held[:, None] * terms_of(environment)).ravel()
-    kinds = float(shading.two_sided), float(shading.highlight == "phong" and shading.specular > 0.0)
     numbers = shading.ambient, shading.diffuse, shading.specular, shininess
-    material = np.array([*numbers, *everywhere, *kinds, *sky], np.float64)
+    material = np.array([*numbers, *everywhere, float(shading.two_sided), *sky], np.float64)
     rows = light_rows(lights, headlight_direction, matrix)
     return Lighting(*(read_only(array) for array in (matrix, material, rows, eye)))
 

@@ -13,7 +13,7 @@ from ..encode.reference import list_runs
 from ..volume.axes import AXES
 from ..volume.reference import CHUNK
 from .environment import light_by_normal
-from .lighting import BACK, FULL_CODE, PHONG, Shadows, unit_vectors
+from .lighting import BACK, FULL_CODE, Shadows, unit_vectors
 from .lights import AREA, AXIS, CONE, EDGE, KIND, NEAREST, POSITION, RGB, SPOT, SUN
 
 ONE = 32767.0  # of codes of components
@@ -46,9 +46,6 @@ def light_colors(falling, voxels, part, n, colors):
         matt += diffuse * np.maximum(-facing, falling.material[BACK] * facing)[:, None] * strength
         if specular > 0.0:
             cosine = np.abs((n * unit_vectors(towards + view)).sum(axis=1))
-            if falling.material[PHONG] > 0.0:
-                mirrored = 2.0 * facing[:, None] * n - towards
-                cosine = np.maximum((mirrored * view).sum(axis=1), 0.0)
             if falling.material[BACK] == 0.0:
                 cosine = np.where(facing < 0.0, cosine, 0.0)
             gloss += specular * cosine[:, None] ** shininess * strength

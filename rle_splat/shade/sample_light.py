@@ -13,7 +13,7 @@ lit by what it finds:
 
 S is the light of a surface, C that of a cloud, which has no normal.  ``everywhere`` is ambient light and the world's
 mean, ``around(n)`` what the world sends on n (``environment``), I a lamp's strength (``lights``), wrap the maximum of
-n.l and 0, rounded over the sine of 5 degrees, ramp(n.l) = smoothstep(0, RAMP, n.l) and shine Blinn's or Phong's power.
+n.l and 0, rounded over the sine of 5 degrees, ramp(n.l) = smoothstep(0, RAMP, n.l) and shine Blinn's power.
 q is INDIRECT times the amount of indirect light, 0 without it and of lamps that cast no shadows, U the share of it that
 arrives (``effects.shadows``), and spread(n.l) = (1 + SPREAD) wrap / (wrap + SPREAD) + max(-n.l, 0)^2.
 Every term is continuous.  A color is multiplied by the light; highlights are added in proportion to the extinction.
@@ -27,7 +27,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .environment import light_by_normal
-from .lighting import BACK, PHONG, Lighting, unit_vectors
+from .lighting import BACK, Lighting, unit_vectors
 from .lights import KIND, NEAREST, POSITION, RGB, SUN
 from .reference import find_light, smoothstep
 from .shading import refuse_too_bright
@@ -170,8 +170,6 @@ def light_of_samples(light: SampleLight, planes, to_eye, points) -> tuple[np.nda
         matt = matt + diffuse * lit
         if specular > 0.0:
             cosine = (n * unit_vectors(towards + to_eye)).sum(axis=1, keepdims=True)
-            if falling.material[PHONG] > 0.0:
-                cosine = ((2.0 * facing * n - towards) * to_eye).sum(axis=1, keepdims=True)
             shine = np.maximum(cosine, 0.0) ** min(shininess, SHARPEST)
             gloss = gloss + specular * w * smoothstep(facing / RAMP) * shine * arrives
     return np.broadcast_to(matt, n.shape), gloss

@@ -1,4 +1,4 @@
-"""Shading of visible voxels: Phong or Blinn-Phong, one- or two-sided (paper, section 2.1; algorithm.md 4.2).
+"""Shading of visible voxels by Blinn-Phong, one- or two-sided (paper, section 2.1; algorithm.md 4.2).
 
 There are two steps. Normals do not depend on the view and can be cached between frames. Shaded colors are written
 directly into voxel records, for any range of voxels, so that no list of all shaded colors is needed.
@@ -35,7 +35,7 @@ def shaded_colors(classified, normals, falling: Lighting | None, *, threads: int
     """Shaded colors of visible voxels.
 
     For a color c, the shaded color is c * (ambient + sum diffuse |n.l| I) + sum specular |n.h|^shininess I, summed over
-    lights with the irradiance scale I (RGB, see ``lights.py``); see Shade for other reflection models. A voxel without
+    lights with the irradiance scale I (RGB, see ``lights.py``); see Shade for surfaces with one side. A voxel without
     normal keeps c, and all voxels do if there is no shading or no light. Shadows reduce the ambient term and each I; a
     voxel without normal is reduced by the share of all light that arrives.
 

@@ -218,7 +218,7 @@ def _light(lit: _Lit, normal, eye, find_points, plane):
         for total, color in zip(matt, lit.spread("lamps", builder.add(first, lit.whole(MATT)), 3)):
             lit.put(strength.fused(color, lit.get(total)), total)
         with builder.if_then(lit.holds("is_glossy")):
-            cosine = _mirror(lit, normal, towards, facing, eye)
+            cosine = _half_way(lit, normal, towards, facing, eye)
             shine = power(cosine.most(TINY).least(1.0), lit.spread("surface", SHININESS))
             shine = shine * _smoothstep(facing * (1.0 / RAMP)) * trust * arrives
             for total, color in zip(gloss, lit.spread("lamps", builder.add(first, lit.whole(GLOSS)), 3)):
@@ -233,18 +233,11 @@ def _spread(lit: _Lit, facing: Vector, wrap: Vector, trust: Vector) -> Vector:
     return trust.fused(found - lit.constant(1.0), lit.constant(1.0))
 
 
-def _mirror(lit: _Lit, normal, towards, facing: Vector, eye) -> Vector:
-    """The cosine of which a highlight is a power, by Phong or by Blinn."""
-    builder = lit.builder
+def _half_way(lit: _Lit, normal, towards, facing: Vector, eye) -> Vector:
+    """Cosines between normals and the directions half-way between lamp and eye."""
     seen, straight = lit.dot(normal, eye), lit.dot(towards, eye)
-    cosine = lit.variable(facing)
-    with builder.if_else(lit.holds("is_phong")) as (phong, blinn):
-        with phong:
-            lit.put((facing * 2.0).fused(seen, straight * -1.0), cosine)
-        with blinn:
-            square = straight.fused(2.0, lit.constant(2.0)).most(ALMOST_OPPOSITE)
-            lit.put((facing + seen) * inverse_root(square), cosine)
-    return lit.get(cosine)
+    square = straight.fused(2.0, lit.constant(2.0)).most(ALMOST_OPPOSITE)
+    return (facing + seen) * inverse_root(square)
 
 
 def _span_shown(here: Vector, there: Vector, low, high) -> tuple[Vector, Vector]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..runtime.jit import read_only
 from ..shade.environment import LINEAR
-from ..shade.lighting import BACK, PHONG
+from ..shade.lighting import BACK
 from ..shade.lights import AXIS, COLUMNS, EDGE, NEAREST, POSITION, RGB
 from ..shade.sample_light import NORMAL, SampleLight
 from ..view.base_plane import BasePlane
@@ -43,8 +43,8 @@ class SampleLamps(NamedTuple):
         Ambient light, RGB of the light from all directions, shininess.
     sky : (27,) or (0,) float32
         ``environment.terms_of`` of the outward normal, times diffuse, channel by channel.
-    is_glossy, is_phong, turns : bool
-        Whether there are highlights, whether they are Phong's, and whether surfaces are two-sided.
+    is_glossy, turns : bool
+        Whether there are highlights, and whether surfaces are two-sided.
     slope_u, slope_v : (W + BLOCK,), (H,) float32
         Voxels that the rays of a column move along scanlines per slice along the axis; those of a row, across them.
     base_u, base_v : (W + BLOCK,), (H,) float32
@@ -70,7 +70,6 @@ class SampleLamps(NamedTuple):
     surface: np.ndarray
     sky: np.ndarray
     is_glossy: bool
-    is_phong: bool
     turns: bool
     slope_u: np.ndarray
     slope_v: np.ndarray
@@ -105,8 +104,8 @@ def sample_lamps(light: SampleLight, plane: BasePlane, shape_xyz, termination: f
     ahead = directions * (-plane.sign / np.linalg.norm(directions[2]))
     return SampleLamps(
         _single(lamps), shares, scattered, np.float32(light.indirect), light.planes if light.opened else NO_PLANE,
-        _single(material[[0, 4, 5, 6, 3]]), _single(sky), falling.has_highlights, bool(material[PHONG] > 0.0),
-        bool(material[BACK] > 0.0), _single(_padded(slopes[0])), _single(slopes[1]), _single(_padded(bases[0])),
+        _single(material[[0, 4, 5, 6, 3]]), _single(sky), falling.has_highlights, bool(material[BACK] > 0.0),
+        _single(_padded(slopes[0])), _single(slopes[1]), _single(_padded(bases[0])),
         _single(bases[1]), _single(directions), _single(ahead), float(plane.sign), float(middle[k]),
         np.float32(termination), np.float32(max(LEAST * termination, LEAST_OF_DRAFTS if termination >= DRAFT else 0.0)),
     )  # fmt: skip

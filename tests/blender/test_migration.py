@@ -209,3 +209,19 @@ def test_an_earlier_scenes_mode_reaches_overrides_and_a_linked_volume_leaves_a_s
         assert [one.rle_splat.mode for one in found] == ["composite" if how == "link" else "mip"]
         assert ("make a library override" in message and repr(name) in message) == (how == "link")
         bpy.ops.wm.save_as_mainfile(filepath=saved)
+
+
+def test_highlights_that_were_phongs_have_four_times_the_shininess(addon, bridge, tmp_path):
+    """``highlight`` was 1 for Phong, 0 for Blinn-Phong."""
+    saved, read = str(tmp_path / "saved.blend"), bridge("look.transfer").read_transfer
+    for name, number in {"a": 1, "b": 0, "c": None}.items():
+        own = scenes.import_raw(tmp_path, np.ones((3, 4, 5), np.uint8), name=name).rle_splat
+        own.shininess = 7.5
+        if number is not None:
+            own["highlight"] = number
+    bpy.ops.wm.save_as_mainfile(filepath=saved)
+    for _again in (False, True):
+        bpy.ops.wm.open_mainfile(filepath=saved)
+        assert [read(bpy.data.objects[name]).shade.shininess for name in "abc"] == [30.0, 7.5, 7.5]
+        assert bpy.context.scene.rle_splat.message == ""
+        bpy.ops.wm.save_as_mainfile(filepath=saved)

@@ -140,7 +140,7 @@ def test_one_transfer_function_of_a_file_is_applied_by_name(volume_object, own, 
     assert bpy.ops.rle_splat.load_transfer_function(filepath=str(mrml), name="Red") == {"FINISHED"}
     function = bridge("look.transfer").read_transfer(volume_object)
     assert function.name == "Red" and function.opacity == ((10.0, 0.0), (200.0, 0.5))
-    assert function.opacity_unit_distance == 1.0 and function.shade.highlight == "phong"
+    assert function.opacity_unit_distance == 1.0 and function.shade.shininess == 40.0
     assert names(own) == []
 
 

@@ -12,8 +12,7 @@ BONE = {
     "name": "Bone", "unit": "HU", "opacity_unit_distance": 1.5,
     "opacity": [[-16.4458, 0.0], [150.0, 0.0], [150.0, 0.3], [641.385, 0.716]],
     "color": [[-16.4458, 0.0, 0.0, 0.0], [641.385, 0.9, 0.82, 0.56], [700.0, 1.0, 1.0, 1.0]],
-    "shade": {"ambient": 0.1, "diffuse": 0.9, "specular": 0.2, "shininess": 10.0,
-              "highlight": "phong", "two_sided": False},
+    "shade": {"ambient": 0.1, "diffuse": 0.9, "specular": 0.2, "shininess": 10.0, "two_sided": False},
 }  # fmt: skip
 
 

@@ -12,7 +12,7 @@ from dataclasses import fields, replace
 import numpy as np
 from hypothesis import strategies as st
 
-from rle_splat.classify.transfer_function import HIGHLIGHTS, GradientOpacity, Shade
+from rle_splat.classify.transfer_function import GradientOpacity, Shade
 from rle_splat.effects.lens import widest_blur
 from rle_splat.effects.motion import distance_moved
 from rle_splat.scene import (
@@ -109,8 +109,8 @@ def gradient_opacity(draw, shot: Shot) -> Shot:
 
 SHADES = {
     "ambient": UNIT, "diffuse": UNIT, "specular": st.sampled_from((0.0, 0.3, 0.8)),
-    "shininess": st.sampled_from((1.0, 5.0, 30.0)), "highlight": st.sampled_from(HIGHLIGHTS),
-    "two_sided": st.booleans(), "smoothness": st.sampled_from((None, 0.0, 1.0)),
+    "shininess": st.sampled_from((1.0, 5.0, 30.0)), "two_sided": st.booleans(),
+    "smoothness": st.sampled_from((None, 0.0, 1.0)),
 }  # fmt: skip
 
 

@@ -340,14 +340,13 @@ def test_the_sky_is_nearly_that_of_many_directions(monkeypatch):
 
 @pytest.mark.parametrize("kind", ("SUN", "POINT", "SPOT", "AREA"))
 @pytest.mark.parametrize("two_sided", (False, True))
-@pytest.mark.parametrize("highlight", ("blinn-phong", "phong"))
 @pytest.mark.parametrize("camera", ("ORTHO", "PERSP"))
 @pytest.mark.parametrize("indirect", (0.0, 0.7))
-def test_light_of_points_is_the_renderers_formula(kind, two_sided, highlight, camera, indirect):
+def test_light_of_points_is_the_renderers_formula(kind, two_sided, camera, indirect):
     """Both are written apart, of the same planes."""
     random = np.random.default_rng(5)
     mean, environment = panorama_moments(random.uniform(0.0, 2.0, (8, 16, 3)), np.eye(3))
-    shade = Shade(0.2, 0.7, 0.4, 9.0, highlight, two_sided)
+    shade = Shade(0.2, 0.7, 0.4, 9.0, two_sided)
     field = random.uniform(size=(8, 8, 8))
     scene = scene_of(field, RAMP, (0.3, 0.2, 1.0), (0.5, -0.4, 1.0), shade, ambient_occlusion=0.6, world=mean,
                      environment=environment, headlight=True, indirect_light=indirect)  # fmt: skip

@@ -27,8 +27,8 @@ FUNCTION = TransferFunction("all", None, ((0.2, 0.0), (1.0, 0.5)), ((0.0, 0.9, 0
 SHADE = Shade(ambient=0.2, diffuse=0.7, specular=0.4, shininess=12.5)
 SIDE = 20
 MATERIALS = {
-    "matt": replace(SHADE, specular=0.0), "phong": replace(SHADE, highlight="phong"),
-    "two-sided": replace(SHADE, two_sided=True), "sharp": replace(SHADE, shininess=1e9),
+    "matt": replace(SHADE, specular=0.0), "two-sided": replace(SHADE, two_sided=True),
+    "sharp": replace(SHADE, shininess=1e9),
 }  # fmt: skip
 
 

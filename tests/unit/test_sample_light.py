@@ -32,8 +32,7 @@ SIDE = 40
 ALONE, TOGETHER, BETWEEN = "slice", "midpoint-4", "preintegrated"  # each sheet has its own slab, or is the end of one
 ALL = tuple(LAMPS.values())
 MATERIALS = {
-    "matt": replace(SHADE, specular=0.0), "phong": replace(SHADE, highlight="phong"),
-    "one-sided": replace(SHADE, two_sided=False), "two-sided": replace(SHADE, two_sided=True),
+    "matt": replace(SHADE, specular=0.0), "one-sided": replace(SHADE, two_sided=False), "two-sided": SHADE,
     "flat": replace(SHADE, shininess=0.5), "sharp": replace(SHADE, shininess=1000.0),
     "mirror": replace(SHADE, shininess=1e9),
 }  # fmt: skip

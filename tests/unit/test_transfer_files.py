@@ -57,7 +57,7 @@ def test_a_volume_property_of_slicer(tmp_path):
     assert found.remarks == ()
     assert (function.name, function.unit, function.opacity_unit_distance) == ("Plain", None, 1.0)
     assert function.opacity == ((-100, 0), (50, 0), (50, 0.4), (900, 0.8))
-    assert function.shade == Shade(0.1, 0.9, 0.3, 12.0, "phong", True)
+    assert function.shade == Shade(0.1, 0.9, 0.3, 48.0), "four times Slicer's, whose highlights are Phong's"
     assert function.gradient_opacity is None
     np.testing.assert_allclose(function.color_at(-100.0), linear((0.2, 0.1, 0.1)))
 
@@ -178,7 +178,7 @@ def test_a_vp_json_file(tmp_path):
     function = only(tmp_path, json.dumps(vp_json()), "a.vp.json").function
     assert function.name == "a" and function.opacity == ((1, 0), (9, 1)) and function.opacity_unit_distance == 2.5
     assert function.color == ((1.0, *linear((0, 0.5, 1))),)
-    assert function.gradient_opacity == GradientOpacity(5, 15) and function.shade == Shade(0.1, 0.9, 0.3, 12, "phong")
+    assert function.gradient_opacity == GradientOpacity(5, 15) and function.shade == Shade(0.1, 0.9, 0.3, 48)
     off = only(tmp_path, json.dumps(vp_json(disableGradientOpacity=True)), "a.vp.json").function
     assert off.gradient_opacity is None
 

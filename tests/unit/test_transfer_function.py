@@ -6,8 +6,9 @@ import math
 import numpy as np
 import pytest
 
-from rle_splat.classify.transfer_function import Shade, TransferFunction
+from rle_splat.classify.transfer_function import Shade, TransferFunction, blinn_shininess
 from rle_splat.scene import RleSplatError
+from rle_splat.volume.volume import LARGEST_VALUE
 
 WHITE = ((0.0, 1.0, 1.0, 1.0),)
 INF, NAN = math.inf, math.nan
@@ -126,6 +127,8 @@ GOOD = {"name": "x", "unit": None, "opacity": [[0, 0], [1, 1]], "color": [[0, 1,
         ({"opacity_unit_distance": "long"}, "number"),
         ({"shade": {"ambient": -1}}, "ambient"),
         ({"shade": {"glow": 1}}, "glow"),
+        ({"shade": {"highlight": "round"}}, "highlight"),
+        ({"shade": {"highlight": "phong", "shininess": "much"}}, "shininess must be a number"),
         ({"shade": {"smoothness": -0.1}}, "from 0 to 100 mm"),
         ({"shade": {"smoothness": "much"}}, "smoothness must be a number"),
         ({"shade": True}, "shade"),
@@ -137,6 +140,29 @@ GOOD = {"name": "x", "unit": None, "opacity": [[0, 0], [1, 1]], "color": [[0, 1,
 def test_each_mistake_gets_its_sentence(change, words):
     with pytest.raises(RleSplatError, match=words):
         TransferFunction.from_json({**GOOD, **change})
+
+
+@pytest.mark.parametrize(
+    ("shade", "shininess"),
+    [
+        ({"highlight": "phong", "shininess": 10.0}, 40.0), ({"highlight": "phong"}, 80.0),
+        ({"highlight": "phong", "shininess": LARGEST_VALUE}, LARGEST_VALUE),
+        ({"highlight": "blinn-phong", "shininess": 10.0}, 10.0), ({"shininess": 10.0}, 10.0),
+    ],
+)  # fmt: skip
+def test_highlights_of_earlier_versions_become_those_of_blinn_phong(shade, shininess):
+    given = dict(shade)
+    function = TransferFunction.from_json({**GOOD, "shade": shade})
+    assert function.shade == Shade(shininess=shininess) and shade == given
+    assert "highlight" not in function.to_json()["shade"]
+
+
+@pytest.mark.parametrize("phong", [5.0, 10.0, 40.0])
+def test_a_highlight_of_phong_and_its_blinn_phong_are_nearly_as_bright_at_each_angle(phong):
+    """In the plane of light and eye, where h is half as far from the normal as the mirrored light from the eye."""
+    angle = np.linspace(0.0, np.pi / 2, 1001)
+    blinn = np.cos(angle / 2) ** blinn_shininess(phong)
+    np.testing.assert_allclose(blinn, np.cos(angle) ** phong, atol=0.16 / phong)
 
 
 @pytest.mark.parametrize("missing", ["opacity", "color"])
