@@ -14,6 +14,7 @@ import shutil
 import subprocess
 import sys
 from dataclasses import replace
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +31,7 @@ from .sheets import sheet
 
 FOLDER = OUT / "figures"
 PYTHON_PAGE = ROOT / "docs" / "how-to" / "use-from-python.md"
+OTHERS = ROOT / "docs" / "how-to" / "python-with-other-libraries.md"
 PYTHON_TUTORIAL = ROOT / "docs" / "tutorial" / "first-figure-from-python.md"
 MANY = ROOT / "docs" / "how-to" / "picture-many-scans.md"
 SKULL = "dicom_ct_skull_phantom_512x512x140"
@@ -131,7 +133,7 @@ def beside(folder: Path, name: str, pictures: dict[str, Image.Image], most: int 
 
 def picture_and_depth(folder: Path) -> None:
     """how-to-python.jpg: a picture, its depth, and one that is lit and cut, by the code of the page on Python."""
-    code = python_of(PYTHON_PAGE).partition("from PIL")[0]
+    code = python_of(PYTHON_PAGE).partition("import numpy")[0]
     for old, new in (("scan.nii.gz", skull_words(folder)[0]), ("800", f"{PYTHON}"), ("600", f"{PYTHON}")):
         code = code.replace(old, new)
     names = {}
@@ -162,14 +164,20 @@ def opening(folder: Path) -> None:
                    loop=0, quality=60, method=6, kmin=0, kmax=1)  # fmt: skip
 
 
-def run_page(page: Path, own: Path, name: str) -> None:
-    """Run the Python code of a page on a brain, in a folder of its own; ``name``.jpg beside it is the page's figure."""
+def run(code: str, own: Path) -> dict:
+    """Run Python code on a brain, in a folder of its own; return the names that it makes."""
     shutil.rmtree(own, ignore_errors=True)
     own.mkdir()
     shutil.copyfile(data_folder() / BRAIN, own / "FLAIR.nrrd")
     names = {}
     with contextlib.chdir(own):
-        exec(python_of(page), names)
+        exec(code, names)
+    return names
+
+
+def run_page(page: Path, own: Path, name: str) -> None:
+    """Run the Python code of a page in the folder ``own``; ``name``.jpg beside it is the page's figure."""
+    names = run(python_of(page), own)
     figure = Image.open(io.BytesIO(names["figure"]._repr_png_())).convert("RGB")
     figure.thumbnail(LARGEST, Image.Resampling.LANCZOS)
     save_jpeg(figure, own.parent / f"{name}.jpg", MOST_BYTES)
@@ -192,13 +200,22 @@ def many(folder: Path) -> None:
 
 
 def python_examples(folder: Path) -> None:
-    """What the Python code of the README and of the tutorial make; with the data folder alone."""
+    """What the Python code of the README, of the tutorial and, with PyVista, of the page on other libraries make.
+
+    With the data folder alone.
+    """
     if not (data_folder() / BRAIN).is_file():
         return
     run_page(ROOT / "README.md", folder / "readme", "readme-python")
     run_page(PYTHON_TUTORIAL, folder / "tutorial", "first-python-figure")
     steps = {name: Image.open(folder / "tutorial" / name).reduce(2) for name in ("first.png", "lit.png", "cut.png")}
     beside(folder, "first-python", steps)
+    if find_spec("pyvista"):
+        begin, code = python_of(OTHERS).partition("from dataclasses")[1:]
+        run(begin + code.partition("def volume_of")[0], folder / "pyvista")
+        save_jpeg(
+            Image.open(folder / "pyvista" / "electrode.png").convert("RGB"), folder / "how-to-pyvista.jpg", MOST_BYTES
+        )
 
 
 def from_parts(folder: Path) -> None:

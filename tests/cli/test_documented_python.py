@@ -1,5 +1,7 @@
-"""The Python code of the README, of the tutorial and of two guides runs as it stands there."""
+"""The Python code of the README, of the tutorial and of three guides runs as it stands there."""
 
+import ast
+import builtins
 import csv
 import os
 import re
@@ -18,6 +20,7 @@ from devtools.docs import python_of
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs/how-to/use-from-python.md"
+OTHERS = ROOT / "docs/how-to/python-with-other-libraries.md"
 TUTORIAL = ROOT / "docs/tutorial/first-figure-from-python.md"
 MEASURED = re.compile(r" *\d[\d.]*(?= (?:ms|8-bit|sample))")  # times and errors, which differ between machines
 SIDE = 48  # voxels and pixels
@@ -97,56 +100,134 @@ def test_the_script_for_many_scans_goes_on_after_errors_and_leaves_out_what_is_m
     assert names["read"](Path("scans/study")).spacing[2] == pytest.approx(1.5)
 
 
-@pytest.mark.slow  # it compiles the kernels of the quality fine
-def test_the_documented_example_runs(tmp_path, monkeypatch, capsys):
-    pytest.importorskip("SimpleITK")
-    Image = pytest.importorskip("PIL.Image")
-    text = python_of(PAGE)
-    for old, new in (
-        ("scan.nii.gz", "scan.nrrd"),
-        ("organs.nii.gz", "organs.nrrd"),
-        ("512", f"{SIDE}"),
-        ("800", f"{SIDE}"),
-        ("600", f"{SIDE}"),
-    ):
-        assert old in text
-        text = text.replace(old, new)
+@pytest.mark.parametrize("page", (PAGE, OTHERS), ids=lambda page: page.stem)
+def test_a_section_has_all_names_that_it_uses_or_says_which_section_it_continues(page):
+    codes, checked = {}, 0
+    for section in page.read_text(encoding="utf-8").split("\n## ")[1:]:
+        title = section.partition("\n")[0]
+        continued = re.match(r"\n\nContinues \[(.+?)\]\(#", section[len(title) :])
+        blocks = re.findall(r"^```python\n(.*?)^```", section, re.MULTILINE | re.DOTALL)
+        codes[title] = (codes[continued[1]] if continued else "") + "".join(blocks)
+        nodes = list(ast.walk(ast.parse(codes[title])))
+        names = [node for node in nodes if isinstance(node, ast.Name)]
+        made = {node.id for node in names if isinstance(node.ctx, ast.Store)} | set(dir(builtins))
+        made |= {node.name for node in nodes if isinstance(node, ast.FunctionDef | ast.ExceptHandler)}
+        made |= {node.arg for node in nodes if isinstance(node, ast.arg)}
+        made |= {node.asname or node.name for node in nodes if isinstance(node, ast.alias)}
+        assert {node.id for node in names} <= made, title
+        checked += bool(blocks)
+    assert checked > 4
+
+
+def _write_ball(folder):
+    """Write the files that the pages name, of a hollow ball, into a folder; return its values and its volume."""
     z, y, x = np.indices((SIDE, SIDE, SIDE)) - SIDE // 2
     ball = np.clip(255.0 - 8.0 * np.abs(np.sqrt(x**2 + y**2 + z**2) - SIDE / 4), 0.0, 255.0)
     volume = rle_splat.Volume(ball.astype(np.uint8), np.eye(4))
-    rle_splat.write_volume(volume, tmp_path / "scan.nrrd")
-    rle_splat.write_volume(
-        replace(volume, voxels=np.where(ball > 128.0, 5, 0).astype(np.uint8)), tmp_path / "organs.nrrd"
-    )
+    rle_splat.write_volume(volume, folder / "scan.nrrd")
+    organs = np.where(ball > 128.0, 5, 0).astype(np.uint8)
+    rle_splat.write_volume(replace(volume, voxels=organs), folder / "organs.nrrd")
     affine = np.diag((1.0, -2.0, 3.0, 1.0))
-    rle_splat.write_volume(replace(volume, space="patient", affine=affine), tmp_path / "ct.nrrd")
+    placed = replace(volume, space="patient", affine=affine)
+    for name in ("ct.nrrd", "t1.nii.gz", "FLAIR.nrrd"):
+        rle_splat.write_volume(placed, folder / name)
     coarse = replace(volume, voxels=volume.voxels[::2, ::2, ::2], affine=np.diag((2.0, -4.0, 6.0, 1.0)), slope=0.1)
-    rle_splat.write_volume(replace(coarse, space="patient", value_unit="SUVbw"), tmp_path / "pet.nrrd")
-    rle_splat.write_volume(replace(volume, space="patient", affine=affine), tmp_path / "t1.nii.gz")
-    np.save(tmp_path / "array.npy", ball)
+    rle_splat.write_volume(replace(coarse, space="patient", value_unit="SUVbw"), folder / "pet.nrrd")
+    np.save(folder / "array.npy", ball)
+    return ball, placed
+
+
+def _run(page, *replaced):
+    """The names that the code of a page makes; ``replaced``: texts in it and what stands for them, smaller sizes."""
+    text, names = python_of(page), {}
+    for old, new in replaced:
+        assert old in text
+        text = text.replace(old, new)
+    exec(compile(text, str(page), "exec"), names)
+    return names
+
+
+@pytest.mark.slow  # it compiles the kernels of the quality fine
+def test_the_documented_example_runs(tmp_path, monkeypatch, capsys):
+    Image = pytest.importorskip("PIL.Image")
+    _write_ball(tmp_path)
     monkeypatch.chdir(tmp_path)
-    names = {}
-    exec(compile(text, str(PAGE), "exec"), names)
+    names = _run(
+        PAGE, ("scan.nii.gz", "scan.nrrd"), ("organs.nii.gz", "organs.nrrd"),
+        *((size, f"{SIDE}") for size in ("512", "800", "600")),
+    )  # fmt: skip
     made = names["rendering"]
     assert made.rgba.shape == (SIDE, SIDE, 4) and made.rgba.dtype == np.float32 and made.depth.shape == (SIDE, SIDE)
     assert made.rgba[..., 3].max() > 0.5 and made.report["error"]["tolerance"] is None
-    for name in ("of_image", "of_nifti"):
-        np.testing.assert_allclose(names[name].affine, affine)
-        np.testing.assert_array_equal(names[name].voxels, volume.voxels)
     np.testing.assert_array_equal(names["of_array"].spacing, (0.5, 0.5, 2.0))
     assert np.asarray(Image.open("shown.png")).shape == (SIDE, SIDE, 3)
     uptake, pet = names["uptake"], rle_splat.read_volume("pet.nrrd")
     assert uptake.shape_xyz == names["scan"].shape_xyz and uptake.value_unit == "SUVbw"
     np.testing.assert_allclose(uptake.physical(uptake.voxels[::2, ::2, ::2]), pet.physical(pet.voxels), atol=1e-5)
     assert "100% Done" in capsys.readouterr().out
-    _check_other_libraries(names, ball)
 
 
-def _check_other_libraries(names, ball):
-    """What the page makes of a mesh of PyVista and of layers of napari, of stand-ins for them."""
-    faces = np.array(((0, 1, 2), (0, 2, 3)))
-    wall = SimpleNamespace(points=np.array([(x, y, SIDE / 2) for x, y in ((-9, -9), (-9, 99), (99, 99), (99, -9))]))
-    wall.triangulate = lambda: SimpleNamespace(points=wall.points, regular_faces=faces)
+class _Mesh:
+    """A mesh of PyVista: a level wall across the volume's middle, wherever it is moved."""
+
+    points = np.array([(x, y, 1.5 * SIDE) for x, y in ((-999, -999), (-999, 999), (999, 999), (999, -999))])
+
+    def __init__(self, *faces):
+        self.regular_faces = np.reshape(faces, (-1, 3)).astype(int)
+
+    def same(self, *_, **__):
+        return self
+
+    triangulate = transform = extrude_rotate = same
+
+
+class _Plotter(SimpleNamespace):
+    """A plotter of PyVista whose left half is a wall before all else, in white on black."""
+
+    def __init__(self, window_size, **_):
+        width, height = window_size
+        left = np.broadcast_to(np.arange(width) < width // 2, (height, width))
+        super().__init__(
+            camera=SimpleNamespace(), left=left,
+            **dict.fromkeys(("set_background", "add_mesh", "add_light", "close"), lambda *_, **__: None),
+            enable_parallel_projection=lambda: None,
+        )  # fmt: skip
+
+    def screenshot(self, return_img):
+        return np.uint8(255 * np.dstack((self.left,) * 3))
+
+    def get_image_depth(self, fill_value):
+        return np.where(self.left, -1.0, fill_value)
+
+
+@pytest.mark.slow  # it compiles the kernels of the quality fine under a sun
+def test_the_code_for_other_libraries_runs(tmp_path, monkeypatch):
+    """With stand-ins for PyVista and for layers of napari."""
+    pytest.importorskip("SimpleITK")
+    Image = pytest.importorskip("PIL.Image")
+    ball, placed = _write_ball(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    stand_in = SimpleNamespace(
+        Plotter=_Plotter, Light=SimpleNamespace, MultipleLines=lambda points: _Mesh(0, 1, 2, 0, 2, 3)
+    )
+    monkeypatch.setitem(sys.modules, "pyvista", stand_in)
+    names = _run(OTHERS, ("1440", f"{SIDE}"), ("1080", f"{SIDE}"))
+    for name in ("of_image", "of_nifti"):
+        np.testing.assert_allclose(names[name].affine, placed.affine)
+        np.testing.assert_array_equal(names[name].voxels, placed.voxels)
+    grid = SimpleNamespace(
+        direction_matrix=np.eye(3), spacing=(1.0, 2.0, 3.0), dimensions=(2, 3, 4), GetPoint=lambda _: (5.0, 6.0, 7.0),
+        point_data={"values": np.arange(24.0)},
+    )  # fmt: skip
+    of_grid = names["from_pyvista"](grid, "values", space="patient")
+    np.testing.assert_array_equal(of_grid.affine @ (1, 1, 1, 1), (6.0, 8.0, 10.0, 1.0))
+    assert of_grid.shape_xyz == (2, 3, 4) and of_grid.voxels[1, 0, 1] == 7.0
+    shown = np.int16(Image.open("electrode.png").convert("RGB"))
+    half = SIDE // 4
+    assert shown.shape == (SIDE // 2, SIDE // 2, 3) and (shown[:, :half] == 255).all() and not shown[-1, -1].any()
+    lit = Image.fromarray(names["with_mesh"](names["scene"], _Mesh(), "fine")).convert("RGB").reduce(2)
+    assert (np.int16(lit) - shown)[:, half:].max() > 30  # the shadow
+
     gray = SimpleNamespace(map=lambda at: np.stack((at, at, at, np.ones_like(at)), axis=1))
     layer = SimpleNamespace(
         data=ball, scale=(2.0, 0.5, 0.5), translate=(3, 2, 1), contrast_limits=(50.0, 250.0), colormap=gray
@@ -155,5 +236,6 @@ def _check_other_libraries(names, ball):
     scene = names["scene_of"](layer, layer, segments=segments, width=SIDE, height=SIDE)
     np.testing.assert_array_equal(scene.volume.affine[:3, 3], (1, 2, 3))
     rgba = rle_splat.render(scene).rgba
-    hidden = replace(scene, triangles=names["triangles_of"](wall, scene.volume_matrix))
-    assert 0.05 < np.abs(rgba - rle_splat.render(hidden).rgba).max() and rgba[..., 3].max() > 0.5
+    assert rgba[..., 3].max() > 0.5
+    colored = rle_splat.render(replace(names["scene"], transfer_function=names["viridis"])).rgba
+    assert colored[..., 3].max() > 0.3
