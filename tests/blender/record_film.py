@@ -8,7 +8,6 @@ and graded, and prints the seconds of a frame.  The scan is HEAD_MR in tests/ble
 are those of the way there, so they are not rendered.
 """
 
-import math
 import os
 import time
 
@@ -26,8 +25,8 @@ KEYED = 40  # the frame of the picture of the keyframes
 OUTSIDE = 0.09  # meters from the middle to the left
 KEYS = (1, OUTSIDE), (50, 0.0), (70, 0.0), (LAST, OUTSIDE)  # frame, and meters
 LEVEL, WINDOW = 90.0, 170.0
-WALL, LAMP = (0.0, 0.0, -1.6), (0.0, 0.0, -1.0)  # places of the background and its light before the camera, in meters
-BLUE, POWER, CONE = (0.12, 0.14, 0.18), 6.0, 100.0  # of the wall; of its light, in watts and degrees
+WALL, HALF = (0.0, 0.0, -1.6), 0.5  # the background's place before the camera, in meters, and half of its width
+EDGE, GLOW = (0.008, 0.011, 0.017, 1.0), (0.055, 0.068, 0.095, 1.0)  # its colors
 GRADED, EXPOSURE = 27, 0.3  # the frame of the picture
 GRADES = (  # caption, view transform, look; the last is graded
     ("Standard", "Standard", "None"),
@@ -36,7 +35,7 @@ GRADES = (  # caption, view transform, look; the last is graded
     ("Graded, AgX, High Contrast", "AgX", "AgX - High Contrast"),
 )
 LIFT, GAIN = (0.99, 1.0, 1.015, 1.0), (1.12, 1.0, 0.88, 1.0)  # bluish shadows, warm lights
-SAMPLES = 64  # of Cycles, which renders the faces of the cut and the wall alone, and denoises them
+SAMPLES = 8  # of Cycles, which renders the faces of the cut and the background alone
 
 
 def turn_and_cut(scene, volume):
@@ -72,22 +71,26 @@ def turn_and_cut(scene, volume):
 
 
 def light(scene, volume):
-    """Section 3 of the tutorial: lights, a wall behind the head that turns with the camera, and a spot light on it."""
+    """Section 3 of the tutorial: lights, and a plane behind the head that turns with the camera."""
     scene.frame_set(1)
     activate(volume)
     with in_the_view():
         assert bpy.ops.rle_splat.add_lights(kind="SKIN") == {"FINISHED"}
     bpy.ops.mesh.primitive_plane_add()
     wall = bpy.context.view_layer.objects.active
-    wall.parent, wall.location, wall.scale = scene.camera, WALL, (2.0, 2.0, 1.0)
-    paint = bpy.data.materials.new("Wall")
-    paint.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (*BLUE, 1.0)
-    paint.node_tree.nodes["Principled BSDF"].inputs["Roughness"].default_value = 1.0
+    wall.parent, wall.location, wall.scale = scene.camera, WALL, (HALF, HALF, 1.0)
+    paint = bpy.data.materials.new("Background")
+    tree = paint.node_tree
+    names = "TexCoord", "TexGradient", "ValToRGB", "Emission"
+    places, gradient, ramp, emission = (tree.nodes.new(f"ShaderNode{name}") for name in names)
+    gradient.gradient_type = "SPHERICAL"
+    for element, color in zip(ramp.color_ramp.elements, (EDGE, GLOW)):
+        element.color = color
+    tree.links.new(places.outputs["Object"], gradient.inputs["Vector"])
+    tree.links.new(gradient.outputs["Fac"], ramp.inputs["Fac"])
+    tree.links.new(ramp.outputs["Color"], emission.inputs["Color"])
+    tree.links.new(emission.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
     wall.data.materials.append(paint)
-    bpy.ops.object.light_add(type="SPOT")
-    lamp = bpy.context.view_layer.objects.active
-    lamp.parent, lamp.location, lamp.rotation_euler = scene.camera, LAMP, (0.0, 0.0, 0.0)
-    lamp.data.energy, lamp.data.spot_size, lamp.data.spot_blend = POWER, math.radians(CONE), 1.0
 
 
 def photograph_keys(scene, *keyed):
@@ -182,8 +185,7 @@ def scenario():
     scene.rle_splat.quality, scene.frame_start, scene.frame_end, scene.frame_step = "fine", 1, TURN, STEP
     scene.view_settings.view_transform, render.filepath = "Standard", os.path.join(os.environ[SHOTS], "head_")
     scene.world = bpy.data.worlds.new("World")  # as in a new file
-    scene.rle_splat.effect_overrides.shadows_on_meshes = "off"
-    render.engine, scene.cycles.samples, scene.cycles.use_denoising = "CYCLES", SAMPLES, True
+    render.engine, scene.cycles.samples = "CYCLES", SAMPLES
     render.resolution_x, render.resolution_y = 960, 720
     render.image_settings.media_type = "MULTI_LAYER_IMAGE"
     ended, began = [], time.perf_counter()

@@ -161,7 +161,7 @@ def scenario():
     yield from settled()
     yield from wait_for_rest()  # with the shaders of the slice
     yield from settled()
-    yield from step("tutorial-5-slice", began, (1, 991, 581), (2, 991, 617), (4, 1219, 62))
+    yield from step("tutorial-5-slice", began, (1, 991, 581), (2, 991, 617), (4, 1190, 62))
     scene.world.node_tree.nodes["Background"].inputs["Color"].default_value = (*DARK, 1.0)
 
     began = time.perf_counter()
