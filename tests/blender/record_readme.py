@@ -178,7 +178,7 @@ def scenario():
     with bpy.context.temp_override(window=window(), area=area_of("PROPERTIES")):
         bpy.ops.screen.area_close()
     scene, view = bpy.context.scene, area_of("VIEW_3D").spaces.active
-    scene.render.engine, scene.cycles.samples, scene.cycles.device = "CYCLES", 12, "CPU"
+    scene.render.engine, scene.cycles.samples, scene.cycles.device = "CYCLES", 64, "CPU"
     scene.view_settings.view_transform = "Standard"
     scene.render.resolution_x, scene.render.resolution_y = 880, 570
     view.overlay.show_relationship_lines = False
