@@ -158,7 +158,7 @@ def scenario():
     yield from wide_sidebar()
     volume = yield from a_scan()
     yield from wait_for_rest()  # with the pictures of presets
-    for name in ("volume", "display", "presets", "transfer", "shading", "clip_objects", "slices"):
+    for name in ("volume", "display", "presets", "transfer", "shading", "material", "clip_objects", "slices"):
         yield from record(name)
     yield from add_segments(volume)
     for name in ("labels", "channels", "picture", "scan"):

@@ -42,7 +42,7 @@ DARK = (0.012, 0.016, 0.024, 1.0)  # of the world
 
 def lights():
     """A brain under the three lights of Add Lights, and the panel Lighting."""
-    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_shading")
+    open_panels("RLE_SPLAT_PT_volume", "RLE_SPLAT_PT_shading", "RLE_SPLAT_PT_material")
     volume = yield from imported("mr-brain", BRAIN)
     scene = bpy.context.scene
     activate(volume)

@@ -34,7 +34,7 @@ from tests.blender.window_driver import (
 )
 
 SCAN = Path(__file__).parent / "data" / "scan"
-PANELS = ("display", "presets", "picture")  # that are open
+PANELS = ("display", "presets", "material", "picture")  # that are open
 SHIFT, GROW, OPAQUE = -100.0, 2.0, 0.05  # HU, mm, mm: thin walls are whole and opaque
 DULL = 0.0, 0.75  # specular and diffuse: a cut that faces the headlight is not burnt white
 GLOSSY = 0.12, 0.84  # again, under lights: those of the preset
