@@ -151,7 +151,7 @@ def first_picture():
         assert bpy.ops.rle_splat.import_volume(filepath=str(scan)) == {"FINISHED"}
     scene.rle_splat.quality, scene.rle_splat.antialias = "fine", True
     view = area_of("VIEW_3D").spaces.active.region_3d
-    view.view_rotation = Euler((1.4, 0.0, 1.05)).to_quaternion()
+    view.view_rotation = Euler((1.66, 0.0, 1.75)).to_quaternion()
     view.view_distance *= 0.6
     yield from settled()
     yield from wait_for_rest()  # with the pictures of presets
