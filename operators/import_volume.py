@@ -10,7 +10,7 @@ from bpy_extras.io_utils import ImportHelper, poll_file_object_drop
 
 from ..bridge.data import preferences, source_options
 from ..bridge.data.automatic import draw_number
-from ..bridge.data.volume_properties import BESIDE_TOO
+from ..bridge.data.volume_properties import SHOWN_AGAIN, TABLE
 from ..bridge.live import shown
 from ..bridge.look.preset_items import IMPORT_ITEMS, chosen_transfer_steps
 from ..bridge.scene import first_light, viewports
@@ -117,8 +117,8 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
         "DICOM SEG or RTSTRUCT in its folder or the one above, or a label map or a folder of masks whose name has the "
         "word seg, label or segmentation", default=False, options={"SKIP_SAVE"})  # fmt: skip
     hide_table: BoolProperty(
-        name="Hide Table", description="Hide the table or head holder of a CT if the transfer function shows it. "
-        f"{BESIDE_TOO}", default=False, options={"SKIP_SAVE"})  # fmt: skip
+        name="Hide Table", description=f"{TABLE} if the transfer function shows it. {SHOWN_AGAIN}",
+        default=False, options={"SKIP_SAVE"})  # fmt: skip
 
     @classmethod
     def poll(cls, context):
