@@ -30,10 +30,12 @@ def register():
         _describe(cls)
         bpy.utils.register_class(cls)
     bpy.types.TOPBAR_MT_file_import.append(import_volume.draw_menu_entry)
+    bpy.types.VIEW3D_MT_volume_add.append(import_volume.draw_add_entry)
     show_tab.register()
 
 
 def unregister():
+    bpy.types.VIEW3D_MT_volume_add.remove(import_volume.draw_add_entry)
     bpy.types.TOPBAR_MT_file_import.remove(import_volume.draw_menu_entry)
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)

@@ -18,12 +18,8 @@ from .reading import LoadsFirst
 from .refusal import has_volume, refuses
 
 KINDS = [
-    ("BOX", "Box", "Add a box around the volume, which cuts away what is outside or inside it"),
-    (
-        "PLANE",
-        "Plane",
-        "Add a plane through the middle of the volume, which cuts away the side to which its arrow points",
-    ),
+    ("BOX", "Box", "Add a box that keeps what is inside it; Keep Other Side in the list reverses this"),
+    ("PLANE", "Plane", "Add a plane whose arrow points to what it removes; Keep Other Side in the list reverses this"),
 ]
 FIT = EnumProperty(
     name="Fit", description="What a cutting box encloses, or a new cutting plane divides",

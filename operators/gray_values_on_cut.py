@@ -25,7 +25,7 @@ def shows_values(scene, owner) -> bool:
 
 
 class RLE_SPLAT_OT_gray_values_on_cut(LoadsFirst, bpy.types.Operator):
-    """Show in gray the values where the cuts go through what is visible, and through what that encloses. Click again to
+    """Show the volume's gray values on the cut faces of what is visible, also inside closed surfaces. Click again to
     remove them. Window, level and Transparent Black are those of the volume's slices"""
 
     bl_idname = "rle_splat.gray_values_on_cut"

@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..bridge.data.volume_properties import HIDE_TABLE
+from ..bridge.data.volume_properties import SHOWN_AGAIN, TABLE
 from ..rle_splat.segment.body import body_steps
 from .segmenting import MakesSegments
 
@@ -10,7 +10,7 @@ from .segmenting import MakesSegments
 class RLE_SPLAT_OT_hide_table(MakesSegments, bpy.types.Operator):
     bl_idname = "rle_splat.hide_table"
     bl_label = "Hide Table"
-    bl_description = HIDE_TABLE
+    bl_description = f"{TABLE}. {SHOWN_AGAIN}"
 
     hide = "BACKGROUND"
 

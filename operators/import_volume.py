@@ -10,11 +10,11 @@ from bpy_extras.io_utils import ImportHelper, poll_file_object_drop
 
 from ..bridge.data import preferences, source_options
 from ..bridge.data.automatic import draw_number
-from ..bridge.data.volume_properties import BESIDE_TOO
+from ..bridge.data.volume_properties import SHOWN_AGAIN, TABLE
 from ..bridge.live import shown
 from ..bridge.look.preset_items import IMPORT_ITEMS, chosen_transfer_steps
 from ..bridge.scene import first_light, viewports
-from ..bridge.translations import filled, translate
+from ..bridge.translations import filled, translate, with_ellipsis
 from ..bridge.volumes import box, encoded, labels, new_volume, segments, volumes
 from ..bridge.volumes.import_source import found_steps
 from ..rle_splat.read.formats import FORMATS, RAW, format_named, format_of, suffixes
@@ -117,8 +117,8 @@ class ImportsVolumes(ReadsFiles, source_options.SourceOptions):
         "DICOM SEG or RTSTRUCT in its folder or the one above, or a label map or a folder of masks whose name has the "
         "word seg, label or segmentation", default=False, options={"SKIP_SAVE"})  # fmt: skip
     hide_table: BoolProperty(
-        name="Hide Table", description="Hide the table or head holder of a CT if the transfer function shows it. "
-        f"{BESIDE_TOO}", default=False, options={"SKIP_SAVE"})  # fmt: skip
+        name="Hide Table", description=f"{TABLE} if the transfer function shows it. {SHOWN_AGAIN}",
+        default=False, options={"SKIP_SAVE"})  # fmt: skip
 
     @classmethod
     def poll(cls, context):
@@ -428,3 +428,11 @@ def draw_menu_entry(menu, _context):
     text = "Volume (.nii/.nrrd/.dcm/.tif/.vdb/.raw)"  # of all suffixes the menu would be too wide
     menu.layout.operator(RLE_SPLAT_OT_import_volume.bl_idname, text=text)
     menu.layout.operator(RLE_SPLAT_OT_import_dicom_series.bl_idname, text="DICOM Series (.dcm)")
+
+
+def draw_add_entry(menu, _context):
+    """Draw the entry of Add > Volume, whose own entries add without asking."""
+    layout = menu.layout.column()
+    layout.operator_context = "INVOKE_DEFAULT"
+    text = with_ellipsis(RLE_SPLAT_FH_volume.bl_label)
+    layout.operator(RLE_SPLAT_OT_import_volume.bl_idname, text=text, icon="IMPORT")

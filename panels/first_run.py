@@ -7,10 +7,10 @@ from .places import paragraph
 
 def draw(context, layout) -> None:
     """Draw the hint."""
-    step = _step(context, layout, "1. Import a volume, or drop its file into the view")
+    step = _step(context, layout, "1. Import a volume, or drop its file into the 3D viewport")
     step.operator("rle_splat.import_volume", text=with_ellipsis("Import Volume"), icon="IMPORT")
     step.operator("rle_splat.import_dicom_series", text=with_ellipsis("Import DICOM Series"), icon="FILE_FOLDER")
-    step = _step(context, layout, "2. Choose a preset, then turn the view")
+    step = _step(context, layout, "2. Choose a preset, then frame the volume")
     row = step.row()
     row.enabled = False  # as the buttons are, until there is a volume
     row.menu("RLE_SPLAT_MT_presets", icon="PRESET")

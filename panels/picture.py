@@ -1,4 +1,4 @@
-"""The Render panel: the volume in renders, its quality, messages, the camera view, lettering, pictures and files."""
+"""The Render panel: volumes in renders, their quality, messages, the camera view, letters and names, and files."""
 
 import bpy
 from bpy.app.translations import pgettext_iface

@@ -81,16 +81,18 @@ USUAL = tables.Quality()  # the default values of the knobs
 PLAIN_TEXTS = {
     "classification": "Whether values become opacity and color before or after they are interpolated",
     "depth_rule": "How many layers are computed between neighboring slices, and how they are added up along the view: "
-    "evenly, by Simpson's or Gauss's rule, or exactly (pre-integrated), which needs Interpolate: Values",
-    "sheet_density": "Pixels of a layer per pixel of the picture; 0 is one per voxel",
+    "evenly, by Simpson's or Gauss's rule, or exactly (pre-integrated), which needs Interpolate: Values. Choose more "
+    "for steep surfaces with stripes, fewer for speed",
+    "sheet_density": "Pixels of a layer per pixel of the picture; 0 is one per voxel. Raise it for hard edges once "
+    "more Layers do not help, lower it for speed",
     "kernel": "Shape in which a voxel is drawn. With Interpolate: Values it is always Linear",
     "minification": "What prevents shimmer where voxels are smaller than pixels. With Interpolate: Values it is "
-    "always Off",
+    "always Off. Choose Widen if the volume shimmers in animations",
     "warp_filter": "How the finished layers become the pixels of the picture",
     "axis_fade": "Degrees over which two stacks of slices are blended as the camera turns, so that the picture does "
     "not jump; only in orthographic views",
     "termination": "Stop adding layers to a pixel once less than this share of the light behind them still passes: "
-    "0.001 is a thousandth (early ray termination)",
+    "0.001 is a thousandth (early ray termination). Leave it as it is, or lower it if other errors are smaller",
     "rays": "Compute pixels that differ from a neighbor by at least this much exactly, by ray casting; slower. 1 is "
     "from black to white, 0 is off. Needs Interpolate: Values",
     "model": "What is added up where voxels overlap. With Interpolate: Values it is always Extinction",
@@ -151,8 +153,8 @@ class SceneSettings(bpy.types.PropertyGroup):
         translation_context=OURS)  # fmt: skip
     max_error: LiveFloat(
         name="Maximum Error (8-Bit Steps)", default=0.0, min=0.0, soft_max=16.0, precision=2,
-        description="Largest allowed error of a color, in 8-bit steps, of which 255 lead from black to white. "
-        "The picture's error is measured and reported")  # fmt: skip
+        description="Largest allowed error in red, green, blue or alpha of any pixel, in 8-bit steps, of which 255 "
+        "lead from black to white. The picture's error is measured and reported")  # fmt: skip
     use_max_error: BoolProperty(
         name="Maximum Error", description="Use the fastest settings expected to stay below a maximum error, "
         "instead of Quality",

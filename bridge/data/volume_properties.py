@@ -51,11 +51,11 @@ SHIFT = (
     "Slide colors and opacity along the values, in their unit: a negative shift shows less dense material, too. Level "
     "moves with them"
 )
-BESIDE_TOO = (
-    "What lies apart from the body, such as arms and blankets, is hidden with it. To show it again, click Hide Table "
-    "in Display again, or the eye of Background in Segments"
+TABLE = "Hide the table or head holder of a CT"
+BESIDE_TOO = "What lies apart from the body, such as arms and blankets, is hidden with it"
+SHOWN_AGAIN = (
+    f"{BESIDE_TOO}. To show it again, click Hide Table in Display or, with further segments, the eye of Background"
 )
-HIDE_TABLE = f"Hide the table or head holder of a CT. {BESIDE_TOO}"
 LIGHTING_ITEMS = [
     ("SCENE", "Scene Lights", "Use the lights of the scene, or a headlight if there are none"),
     ("HEADLIGHT", "Headlight", "Use one white parallel light that shines along the camera's axis"),
@@ -188,7 +188,7 @@ class VolumeProperties(Playback, SourceOptions, bpy.types.PropertyGroup):
         subtype="FILE_PATH", options={"PATH_SUPPORTS_BLEND_RELATIVE"}, update=_labels_chosen)  # fmt: skip
     labels: CollectionProperty(type=LabelProperties, name="Segments", description="Appearance of each segment")
     hide_table: BoolProperty(
-        name="Hide Table", description=HIDE_TABLE, set=_hide_table,
+        name="Hide Table", description=f"{TABLE}. {BESIDE_TOO}; click again to show it", set=_hide_table,
         get=lambda group: len(group.labels) > BACKGROUND and not group.labels[BACKGROUND].show)  # fmt: skip
     labels_of: StringProperty(
         name="Segments Of", description="Name of the segmentation file whose segments are listed", options={"HIDDEN"}

@@ -67,14 +67,14 @@ def test_every_state_is_drawn(state, monkeypatch, tmp_path):
 
 
 def test_everything_that_draws_is_drawn(volume_object, monkeypatch, addon):
-    """Every panel and menu, every dialog and the preferences, and the line in File > Import."""
+    """Every panel and menu, every dialog and the preferences, and the lines in File > Import and Add > Volume."""
     volume_object.rle_splat.frame_count = 2  # otherwise it has no panel Time
     volume_object.rle_splat.labels.add()
     drawn = {name for kind, name in draw_all(monkeypatch) if kind == "draws"}
     kinds = (bpy.types.Panel, bpy.types.Menu, bpy.types.Header, bpy.types.Operator, bpy.types.AddonPreferences)
     with_draw = {cls.__name__ for cls in of_addon(*kinds) if inspect.isfunction(getattr(cls, "draw", None))}
     assert {"RLE_SPLAT_PT_transfer", "RLE_SPLAT_MT_presets", "RLE_SPLAT_OT_import_volume"} <= with_draw
-    assert drawn == with_draw | {"draw_menu_entry", "_draw_overlay"}
+    assert drawn == with_draw | {"draw_menu_entry", "draw_add_entry", "_draw_overlay"}
 
 
 def test_buttons_that_open_a_dialog_and_no_others_end_in_an_ellipsis(volume_object, monkeypatch):

@@ -60,7 +60,7 @@ def written(addon) -> list:
 
 
 def menu_entries() -> list:
-    places = bpy.types.TOPBAR_MT_file_import, bpy.types.VIEW3D_PT_overlay
+    places = bpy.types.TOPBAR_MT_file_import, bpy.types.VIEW3D_MT_volume_add, bpy.types.VIEW3D_PT_overlay
     functions = [function for place in places for function in getattr(place.draw, "_draw_funcs", [])]
     return [f.__name__ for f in functions if "rle_splat" in f.__module__]
 
@@ -85,7 +85,7 @@ def test_everything_is_there_once(addon):
         "listeners": dict.fromkeys(SUBSCRIBERS, 1),
         "classes": [name for name in classes if name not in HANDLES],
         "handles": list(HANDLES),
-        "menu": ["draw_menu_entry", "_draw_overlay"],
+        "menu": ["draw_menu_entry", "draw_add_entry", "_draw_overlay"],
         "properties": ["Object", "Scene"],
         "operators": operators,
     }

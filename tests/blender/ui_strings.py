@@ -23,7 +23,7 @@ FOLDERS = ("bridge", "operators", "panels")
 # A call -> which of its positional arguments is a text for the user.
 POSITIONAL = {
     "report": 1, "needs": 2, "refuse": 1, "RleSplatError": 0, "paragraph": 2, "tell": 0, "pgettext_tip": 0,
-    "pgettext_iface": 0, "with_unit": 0, "with_ellipsis": 0, "filled": 0,
+    "pgettext_iface": 0, "with_unit": 0, "with_ellipsis": 0, "filled": 0, "_step": 2,
 }  # fmt: skip
 # Sentences of the renderer that users meet most and that ``translate`` finds as they stand.
 WHOLE = (

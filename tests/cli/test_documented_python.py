@@ -11,6 +11,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -63,7 +64,7 @@ def test_the_script_for_many_scans_goes_on_after_errors_and_leaves_out_what_is_m
     scans = tmp_path / "scans"
     scans.mkdir()
     ball = np.linalg.norm(np.indices((SIDE,) * 3) - SIDE / 2, axis=0) < SIDE / 3
-    for name, unit in (("a", "HU"), ("killed", "HU"), ("mr", None)):
+    for name, unit in (("a", "HU"), ("broken", "HU"), ("killed", "HU"), ("mr", None)):
         volume = rle_splat.Volume(np.int16(2000 * ball - 1000), np.diag((3, 3, 3, 1)), space="patient", value_unit=unit)
         rle_splat.write_volume(volume, scans / f"{name}.nrrd")
     for distance in (3, 1.5, 2):  # mm between slices
@@ -72,7 +73,11 @@ def test_the_script_for_many_scans_goes_on_after_errors_and_leaves_out_what_is_m
     (scans / "text.nrrd").write_text("no scan")
     (scans / ".hidden").write_text("")
     code = python_of(ROOT / "docs/how-to/picture-many-scans.md")
-    dies = '    if path.name == "killed.nrrd":\n        os._exit(9)\n'
+    dies = """    if path.name == "killed.nrrd":
+        os.kill(os.getpid(), 9)
+    if path.name == "broken.nrrd":
+        raise ValueError("odd")
+"""
     (tmp_path / "many.py").write_text(code.replace("    began, part", f"{dies}    began, part"), encoding="utf-8")
 
     def run(*numbers):
@@ -83,16 +88,19 @@ def test_the_script_for_many_scans_goes_on_after_errors_and_leaves_out_what_is_m
         return [line.partition(":")[0] for line in sorted(done.stdout.splitlines())]
 
     assert run("0") == ["a.nrrd"] and not (tmp_path / "scans.csv").exists()
-    assert run() == ["killed.nrrd", "mr.nrrd", "study", "text.nrrd"]
-    assert run() == ["killed.nrrd", "mr.nrrd", "text.nrrd"]
+    assert run() == ["broken.nrrd", "killed.nrrd", "mr.nrrd", "study", "text.nrrd"]
+    assert run() == ["broken.nrrd", "killed.nrrd", "mr.nrrd", "text.nrrd"]
     assert sorted(path.name for path in (tmp_path / "pictures").glob("*.p*")) == ["a.nrrd.png", "study.png"]
     with open(tmp_path / "scans.csv", newline="", encoding="utf-8") as file:
         table = {row["name"]: row for row in csv.DictReader(file)}
     assert [float(row["seconds"]) > 0 for row in table.values() if not row["error"]] == [True, True]
     assert table["mr.nrrd"]["error"] == "This scan is no CT in HU."
-    assert "code 9" in table["killed.nrrd"]["error"] and "text.nrrd is not a NRRD file" in table["text.nrrd"]["error"]
+    assert [table[name]["space"] for name in ("a.nrrd", "mr.nrrd", "study")] == ["patient", "", "patient"]
+    assert table["broken.nrrd"]["error"].endswith("code 1. ValueError: odd")
+    assert ("Signal 9" if os.name == "posix" else "code 9") in table["killed.nrrd"]["error"]
+    assert "text.nrrd is not a NRRD file" in table["text.nrrd"]["error"]
     sheet = np.asarray(Image.open(tmp_path / "sheet.png"))
-    assert sheet.shape == (1240, 720, 3) and (sheet[200, 180] > 60).all() and not sheet[200, 540].any()
+    assert sheet.shape == (840, 1080, 3) and (sheet[200, 180] > 60).all() and not sheet[200, 540].any()
 
     monkeypatch.chdir(tmp_path)
     names = {}
@@ -184,13 +192,15 @@ class _Mesh:
 class _Plotter(SimpleNamespace):
     """A plotter of PyVista whose left half is a wall before all else, in white on black."""
 
+    lights: ClassVar = []  # of all plotters
+
     def __init__(self, window_size, **_):
         width, height = window_size
         left = np.broadcast_to(np.arange(width) < width // 2, (height, width))
         super().__init__(
             camera=SimpleNamespace(), left=left,
-            **dict.fromkeys(("set_background", "add_mesh", "add_light", "close"), lambda *_, **__: None),
-            enable_parallel_projection=lambda: None,
+            **dict.fromkeys(("set_background", "add_mesh", "close"), lambda *_, **__: None),
+            add_light=self.lights.append, enable_parallel_projection=lambda: None,
         )  # fmt: skip
 
     def screenshot(self, return_img):
@@ -211,6 +221,13 @@ def test_the_code_for_other_libraries_runs(tmp_path, monkeypatch):
         Plotter=_Plotter, Light=SimpleNamespace, MultipleLines=lambda points: _Mesh(0, 1, 2, 0, 2, 3)
     )
     monkeypatch.setitem(sys.modules, "pyvista", stand_in)
+    gray = SimpleNamespace(map=lambda at: np.stack((at, at, at, np.ones_like(at)), axis=1))
+    layer = SimpleNamespace(
+        data=ball, scale=(2.0, 0.5, 0.5), translate=(3, 2, 1), contrast_limits=(50.0, 250.0), colormap=gray, gamma=2.0
+    )
+    segments = SimpleNamespace(**(vars(layer) | {"data": np.where(ball > 128.0, 5, 0)}))
+    viewer = SimpleNamespace(layers={"nuclei": layer, "membranes": layer, "cells": segments})
+    monkeypatch.setitem(sys.modules, "napari", SimpleNamespace(current_viewer=lambda: viewer))
     names = _run(OTHERS, ("1440", f"{SIDE}"), ("1080", f"{SIDE}"))
     for name in ("of_image", "of_nifti"):
         np.testing.assert_allclose(names[name].affine, placed.affine)
@@ -228,14 +245,15 @@ def test_the_code_for_other_libraries_runs(tmp_path, monkeypatch):
     lit = Image.fromarray(names["with_mesh"](names["scene"], _Mesh(), "fine")).convert("RGB").reduce(2)
     assert (np.int16(lit) - shown)[:, half:].max() > 30  # the shadow
 
-    gray = SimpleNamespace(map=lambda at: np.stack((at, at, at, np.ones_like(at)), axis=1))
-    layer = SimpleNamespace(
-        data=ball, scale=(2.0, 0.5, 0.5), translate=(3, 2, 1), contrast_limits=(50.0, 250.0), colormap=gray
-    )
-    segments = SimpleNamespace(**(vars(layer) | {"data": np.where(ball > 128.0, 5, 0)}))
-    scene = names["scene_of"](layer, layer, segments=segments, width=SIDE, height=SIDE)
-    np.testing.assert_array_equal(scene.volume.affine[:3, 3], (1, 2, 3))
-    rgba = rle_splat.render(scene).rgba
-    assert rgba[..., 3].max() > 0.5
+    assert [light.color for light in _Plotter.lights] == [(1.0, 1.0, 1.0)] * 2
+    lamp = replace(names["scene"], lights=(rle_splat.Light(type="POINT"),))
+    with pytest.raises(rle_splat.RleSplatError, match="type POINT"):
+        names["with_mesh"](lamp, _Mesh())
+
+    cells = names["cells"]
+    np.testing.assert_array_equal(cells.volume.affine[:3, 3], (1, 2, 3))
+    np.testing.assert_allclose(cells.transfer_function.color[8][1:], rle_splat.decode_srgb(0.25))  # half, by gamma
+    assert cells.volume.unit == "um" and names["image_of"](layer, "mm")[0].unit == "mm"
+    assert rle_splat.render(cells).rgba[..., 3].max() > 0.5 and np.asarray(Image.open("cells.png")).max() > 30
     colored = rle_splat.render(replace(names["scene"], transfer_function=names["viridis"])).rgba
     assert colored[..., 3].max() > 0.3
