@@ -274,7 +274,7 @@ def turn(folder: Path) -> None:
     if not (data_folder() / BRAIN).is_file():
         return
     volume = rs.read_volume(data_folder() / BRAIN)
-    function, _ = rs.default_transfer_function(volume)
+    function = replace(rs.default_transfer_function(volume)[0], opacity_unit_distance=0.3)  # mm
     frames, cache = [], rs.StageCache()
     for azimuth in range(0, 360, 360 // TURN):
         camera, matrix = rs.turntable(volume, azimuth=azimuth, elevation=15, fit=1.15)

@@ -89,7 +89,7 @@ PLAIN_TEXTS = {
     "minification": "What prevents shimmer where voxels are smaller than pixels. With Interpolate: Values it is "
     "always Off. Choose Widen if the volume shimmers in animations",
     "warp_filter": "How the finished layers become the pixels of the picture",
-    "axis_fade": "Degrees over which two stacks of slices are blended as the camera turns, so that the picture does "
+    "axis_fade": "Degrees over which two stacks of layers are blended as the camera turns, so that the picture does "
     "not jump; only in orthographic views",
     "termination": "Stop adding layers to a pixel once less than this share of the light behind them still passes: "
     "0.001 is a thousandth (early ray termination). Leave it as it is, or lower it if other errors are smaller",
