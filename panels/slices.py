@@ -1,4 +1,4 @@
-"""The Slices panel: planes that show a volume's values as gray values."""
+"""The Slices panel: planes that show a volume's values in gray."""
 
 import bpy
 

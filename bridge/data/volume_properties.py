@@ -294,7 +294,7 @@ class VolumeProperties(Playback, SourceOptions, bpy.types.PropertyGroup):
     use_grays: LiveBool(
         name="Grays",
         default=False,
-        description="Show the values as gray values of Window and Level instead of the colors of the preset. Not used "
+        description="Show the values in gray, by Window and Level, instead of the colors of the preset. Not used "
         "in the mode Volume Rendering",
     )
     use_inverted_grays: LiveBool(

@@ -128,8 +128,8 @@ def test_what_the_chooser_shows(study, bridge, core):
     assert [picture.dtype for picture in thumbnails] == [np.uint8, np.uint8]
     series.offer(several, thumbnails, "import_volume", {"filepath": str(study), "use_dialog": False})
     offer = series.offered()
-    told = dict(series.facts(offer.rows[0], offer.descriptions[0]))
-    assert told["Modality"].startswith("CT") and told["Slices"] in ("5", "7") and "mm" in told["Spacing"]
+    lines = dict(series.facts(offer.rows[0], offer.descriptions[0]))
+    assert lines["Modality"].startswith("CT") and lines["Slices"] in ("5", "7") and "mm" in lines["Spacing"]
     assert tuple(offer.icons["1"].image_size) == (36, 33)
     np.testing.assert_allclose(  # without a window Blender makes no icon of it
         np.array(offer.icons["2"].image_pixels_float[:]).reshape(33, 36, 4)[::-1, :, 0], thumbnails[1] / 255, atol=0.01
